@@ -1,0 +1,41 @@
+# `make demo` and `make test` set everything up in a fresh clone.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: help setup demo test test-slow check format clean
+
+help:  ## Say what can be made.
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $(READY)
+
+setup: $(READY)  ## Make the virtual environment.
+
+demo: $(READY)  ## Simulate a low-dose slice, reconstruct it twice, write numbers and a picture.
+	PATH="$(abspath $(BIN)):$$PATH" bash runs/demo.sh demo
+
+test: $(READY)  ## Run the tests, README and docs included.
+	$(BIN)/pytest -q -m "not slow"
+
+test-slow: $(READY)  ## Run all tests, the slow ones too.
+	$(BIN)/pytest -q
+
+check: $(READY)  ## Format, lint, types, import contracts and tests: what must be green at each commit.
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/pytest -q -m "not slow"
+
+format: $(READY)  ## Let ruff format and mend what it can.
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+clean:  ## Remove the virtual environment and what the demo wrote.
+	rm -rf $(VENV) demo

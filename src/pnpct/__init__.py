@@ -1,0 +1,17 @@
+"""Plug-and-play reconstruction for low-dose CT.
+
+The package is layered; each line imports only lines below it:
+
+    cli              one file per command
+    reconstruction   sinogram -> image           evaluation   images -> numbers
+    simulation       anatomy -> scan
+    files            numbers <-> disk
+    denoisers        image -> image              physics      scan -> log and weights
+    operators        projector, ramp filter
+    geometry         image grid, fan beam
+    units, arrays
+"""
+
+from importlib.metadata import version
+
+__version__ = version("pnpct")

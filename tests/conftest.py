@@ -1,0 +1,49 @@
+"""One small world for all tests."""
+
+import os
+from pathlib import Path
+
+import pytest
+import torch
+
+from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Real and independently simulated scans, where they are at hand."""
+    folder = Path(os.environ.get("PNPCT_TEST_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip("the reference scans are not here; set PNPCT_TEST_DATA to their folder")
+    return folder
+
+
+@pytest.fixture
+def generator() -> torch.Generator:
+    return torch.Generator().manual_seed(20)
+
+
+@pytest.fixture(scope="session")
+def grid() -> ImageGrid:
+    return ImageGrid(32, 32, spacing=8.0)
+
+
+@pytest.fixture(scope="session")
+def geometry() -> FanBeam:
+    return FanBeam(
+        view_angles=evenly_spaced_views(60),
+        bins=48,
+        source_to_isocenter=541.0,
+        source_to_detector=949.0,
+        bin_width=12.0,
+        detector_offset=0.25,
+    )
+
+
+@pytest.fixture(scope="session")
+def disk(grid: ImageGrid) -> torch.Tensor:
+    """Water with a denser insert, air outside."""
+    x, y = torch.from_numpy(grid.x)[None, :], torch.from_numpy(grid.y)[:, None]
+    body = (x**2 + y**2 < 100.0**2).float()
+    insert = ((x - 30.0) ** 2 + (y - 20.0) ** 2 < 25.0**2).float()
+    return body + 0.2 * insert
