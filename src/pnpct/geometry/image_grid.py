@@ -1,0 +1,63 @@
+"""A grid of square pixels."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class ImageGrid:
+    """Square pixels with x to the right and y up: row 0 is the largest y, column 0 the smallest x.
+
+    Args:
+        rows: Number of rows, at least 1.
+        cols: Number of columns, at least 1.
+        spacing: Distance between pixel centres, mm.
+        center: Position (x, y) of the middle of the grid relative to the isocentre, mm.
+
+    Raises:
+        ValueError: If a size or the spacing is not positive, or a number is not finite.
+
+    Example:
+        >>> grid = ImageGrid(2, 4, spacing=0.5)
+        >>> grid.x.tolist(), grid.y.tolist()
+        ([-0.75, -0.25, 0.25, 0.75], [0.25, -0.25])
+    """
+
+    rows: int
+    cols: int
+    spacing: float
+    center: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.rows < 1 or self.cols < 1:
+            raise ValueError(f"An image needs at least one row and one column, got {self.rows} x {self.cols}.")
+        if not (math.isfinite(self.spacing) and self.spacing > 0):
+            raise ValueError(f"The pixel spacing must be a positive length in mm, got {self.spacing}.")
+        if len(self.center) != 2 or not all(map(math.isfinite, self.center)):
+            raise ValueError(f"The centre of an image is (x, y) in mm, got {self.center}.")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.rows, self.cols
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """Positions of the columns, mm."""
+        x: NDArray[np.float64] = np.arange(self.cols, dtype=np.float64) - (self.cols - 1) / 2
+        return self.center[0] + x * self.spacing
+
+    @property
+    def y(self) -> NDArray[np.float64]:
+        """Positions of the rows, mm; falling."""
+        y: NDArray[np.float64] = np.arange(self.rows, dtype=np.float64) - (self.rows - 1) / 2
+        return self.center[1] - y * self.spacing
+
+    @property
+    def radius(self) -> float:
+        """Distance from the isocentre to the farthest corner, mm."""
+        half_width, half_height = self.cols * self.spacing / 2, self.rows * self.spacing / 2
+        return math.hypot(abs(self.center[0]) + half_width, abs(self.center[1]) + half_height)
