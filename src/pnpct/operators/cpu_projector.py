@@ -1,0 +1,101 @@
+"""The projector on a CPU: tiles of slices, in lanes, through the compiled kernels."""
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+
+from pnpct.operators import lane_kernels as lanes
+from pnpct.operators import strip_kernels as kernels
+from pnpct.operators.lane_kernels import Array
+from pnpct.operators.ray_lines import RayLines
+from pnpct.operators.strip_kernels import BLOCK, CHUNK, LEFT, RIGHT
+from pnpct.operators.threads import parallel
+
+LANES = 16
+"""Floats in the widest vector that still pays; larger batches are a sequence of tiles."""
+
+
+class CpuProjector:
+    """Forward and transpose of the same strips, for arrays [slice][row][col] and [slice][ray].
+
+    The working arrays of one tile are kept between calls, because fresh memory costs as much as the work; a lock
+    makes calls from several threads take turns.
+    """
+
+    def __init__(self, tables: Sequence[RayLines], image_shape: tuple[int, int], rays: int) -> None:
+        self._tables, self._image_shape, self._rays = tables, image_shape, rays
+        self._lines = [tuple(map(_aligned_copy, _columns(table))) for table in tables]
+        self._buffers: dict[tuple[int, ...], Array] = {}
+        self._lock = threading.Lock()
+
+    def project(self, images: Array) -> Array:
+        """Return the sums along all rays."""
+        rays = np.empty((images.shape[0], self._rays), np.float32)
+        with self._lock:
+            for table, lines in zip(self._tables, self._lines, strict=True):
+                size, slices = tile(images.shape[0], len(table.turns))
+                image, strips = self._working_arrays(table, size)
+                shape, width = (table.rows, table.cols), (0.0,) * size
+                cells = table.measured.shape[0]
+                for at in range(0, images.shape[0], slices):
+                    parallel(lanes.pack_image, image.shape[0], images, table.turns, at, LEFT, image, multiple=BLOCK)
+                    parallel(kernels.project, table.strips, image, lines, strips, *shape, width, multiple=CHUNK)
+                    parallel(lanes.unpack_rays, cells, strips, table.measured, table.parts, at, rays)
+        return rays
+
+    def back_project(self, rays: Array, *, squared: bool = False) -> Array:
+        """Return the transpose of `project`, or of the same map with each weight squared."""
+        images = np.empty((rays.shape[0], *self._image_shape), np.float32)
+        power = (0.0,) * (2 if squared else 1)
+        with self._lock:
+            for number, (table, lines) in enumerate(zip(self._tables, self._lines, strict=True)):
+                size, slices = tile(rays.shape[0], len(table.turns))
+                image, strips = self._working_arrays(table, size)
+                shape, width = (table.rows, table.cols), (0.0,) * size
+                cells, blocks, rows = table.measured.shape[0], image.shape[0] // BLOCK, self._image_shape[0]
+                for at in range(0, rays.shape[0], slices):
+                    parallel(lanes.pack_rays, cells, rays, table.measured, table.parts, at, strips)
+                    parallel(kernels.back_project, blocks, image, lines, strips, *shape, power, width)
+                    parallel(
+                        lanes.unpack_image,
+                        rows,
+                        image,
+                        table.turns,
+                        at,
+                        LEFT,
+                        images,
+                        number == 0,
+                        multiple=BLOCK,
+                    )
+        return images
+
+    def _working_arrays(self, table: RayLines, size: int) -> tuple[Array, Array]:
+        height = -(-table.rows // BLOCK) * BLOCK
+        return (
+            self._buffer((height, LEFT + table.cols + RIGHT, size)),
+            self._buffer((table.strips, size)),
+        )
+
+    def _buffer(self, shape: tuple[int, ...]) -> Array:
+        if shape not in self._buffers:
+            self._buffers[shape] = lanes.aligned(shape)
+        return self._buffers[shape]
+
+
+def tile(slices: int, turns: int) -> tuple[int, int]:
+    """Return how many lanes a tile has and how many slices it holds."""
+    size = turns
+    while size < min(LANES, slices * turns):
+        size *= 2
+    return size, size // turns
+
+
+def _columns(table: RayLines) -> tuple[Array, ...]:
+    return table.edge, table.slope, table.width, table.widening, table.length
+
+
+def _aligned_copy(values: Array) -> Array:
+    copy = lanes.aligned(values.shape)
+    copy[:] = values
+    return copy

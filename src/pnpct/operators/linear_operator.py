@@ -1,0 +1,66 @@
+"""The one abstract class of the package."""
+
+from abc import ABC, abstractmethod
+from typing import final
+
+from jaxtyping import Float
+from torch import Tensor
+from typing_extensions import override
+
+Shape = tuple[int, ...]
+
+
+class LinearOperator(ABC):
+    """A linear map between arrays whose trailing shapes are fixed; leading dimensions are a batch.
+
+    A subclass says `domain_shape` and `range_shape` and gives `forward` and `adjoint`; calling the operator checks
+    the shape once for everybody.
+    """
+
+    domain_shape: Shape
+    range_shape: Shape
+
+    @abstractmethod
+    def forward(self, x: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
+        """Apply the operator."""
+
+    @abstractmethod
+    def adjoint(self, y: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
+        """Apply the transpose, for which ⟨forward x, y⟩ = ⟨x, adjoint y⟩."""
+
+    @final
+    def __call__(self, x: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
+        """Check the shape, then apply the operator.
+
+        Raises:
+            ValueError: If the trailing shape of `x` is not `domain_shape`.
+        """
+        if tuple(x.shape[x.ndim - len(self.domain_shape) :]) != self.domain_shape:
+            name = type(self).__name__
+            raise ValueError(f"{name} takes arrays that end in {self.domain_shape}, got {tuple(x.shape)}.")
+        return self.forward(x)
+
+    @property
+    def T(self) -> "LinearOperator":
+        """The adjoint as an operator; `A.T.T is A`."""
+        return _Adjoint(self)
+
+
+@final
+class _Adjoint(LinearOperator):
+    def __init__(self, of: LinearOperator) -> None:
+        self.of = of
+        self.domain_shape, self.range_shape = of.range_shape, of.domain_shape
+
+    @override
+    def forward(self, x: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
+        return self.of.adjoint(x)
+
+    @override
+    def adjoint(self, y: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
+        return self.of.forward(y)
+
+    @property
+    @override
+    def T(self) -> LinearOperator:
+        return self.of

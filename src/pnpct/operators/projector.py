@@ -1,0 +1,126 @@
+"""The projector of a fan beam: line integrals of an image, their exact adjoint, and gradients through both."""
+
+from functools import lru_cache
+from typing import Any, final
+
+import torch
+from torch import Tensor
+from typing_extensions import override
+
+from pnpct.arrays import Image, Rays
+from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.operators.cpu_projector import CpuProjector
+from pnpct.operators.linear_operator import LinearOperator
+from pnpct.operators.ray_lines import Method, ray_lines
+from pnpct.operators.torch_projector import TorchProjector
+from pnpct.units import MU_WATER_70_KEV
+
+
+@final
+class Projector(LinearOperator):
+    """Line integrals of an image along all rays of a fan beam; the adjoint has the very same weights.
+
+    On each row that a ray crosses (column, where it is flat) its cell casts a strip. The distance-driven method takes
+    the mean of the pixels under the strip, Joseph's interpolates between the two pixels next to the ray; both
+    multiply by the path through the row and sum:
+
+        (A x)_i = mu_water Σ_rows length_i · mean_i,row(x)
+
+    It computes in float32 and answers in the precision it was asked in. Autograd works through both directions, any
+    number of times. On a CPU the kernels are compiled at their first use, once per machine, and use as many threads
+    as PyTorch; the result does not depend on that number. On other devices plain torch operations do the same.
+
+    Args:
+        grid: Where the pixels are.
+        geometry: Where the rays are.
+        mu_water: Attenuation of water at the effective energy, 1/mm, > 0; 1 gives path lengths in mm.
+        method: "distance-driven", free of aliasing at every pixel size, or "joseph", a little faster.
+
+    Raises:
+        ValueError: If no ray meets the image, the focal spot would be inside it, or `mu_water` is not positive.
+
+    References:
+        De Man and Basu, Phys. Med. Biol. 49 (2004) 2463; Joseph, IEEE Trans. Med. Imaging 1 (1982) 192.
+
+    Example:
+        >>> from pnpct.geometry import evenly_spaced_views
+        >>> geometry = FanBeam(evenly_spaced_views(4), bins=3, source_to_isocenter=500.0, source_to_detector=1000.0,
+        ...                    bin_width=20.0)
+        >>> projector = Projector(ImageGrid(64, 64, spacing=1.0), geometry, mu_water=0.02)
+        >>> projector(torch.ones(64, 64))[0, 1].item()  # 64 mm of water
+        1.28...
+    """
+
+    def __init__(
+        self,
+        grid: ImageGrid,
+        geometry: FanBeam,
+        *,
+        mu_water: float = MU_WATER_70_KEV,
+        method: Method = "distance-driven",
+    ) -> None:
+        if not 0 < mu_water < float("inf"):
+            raise ValueError(f"The attenuation of water must be positive, in 1/mm, got {mu_water}.")
+        if method not in ("distance-driven", "joseph"):
+            raise ValueError(f'The projector method is "distance-driven" or "joseph", got "{method}".')
+        self.grid, self.geometry, self.mu_water, self.method = grid, geometry, mu_water, method
+        self.domain_shape, self.range_shape = grid.shape, geometry.shape
+        self._tables = ray_lines(grid, geometry, method)
+        self._kernels = lru_cache(maxsize=4)(self._make_kernels)
+
+    @override
+    def forward(self, x: Image) -> Rays:
+        """Return the line integrals of an image relative to water; dimensionless."""
+        answer: Tensor = _Project.apply(x, self)  # type: ignore[no-untyped-call]
+        return answer
+
+    @override
+    def adjoint(self, y: Rays) -> Image:
+        """Return Aᵀ y."""
+        answer: Tensor = _BackProject.apply(y, self)  # type: ignore[no-untyped-call]
+        return answer
+
+    def gram_diagonal(self, weights: Rays) -> Image:
+        """Return the diagonal of Aᵀ diag(weights) A: Σᵢ a²ᵢⱼ wᵢ. It has no gradient."""
+        return self._apply(weights.detach(), transpose=True, squared=True)
+
+    def _apply(self, array: Tensor, *, transpose: bool, squared: bool = False) -> Tensor:
+        """Run the kernels for the device on a batch, in units of water."""
+        slices = array.reshape(-1, *array.shape[-2:]).float().contiguous()
+        kernels = self._kernels(array.device)
+        values: Any = slices.numpy() if isinstance(kernels, CpuProjector) else slices
+        if transpose:
+            result = kernels.back_project(values.reshape(len(values), -1), squared=squared)
+        else:
+            result = kernels.project(values)
+        answer = torch.as_tensor(result) * (self.mu_water**2 if squared else self.mu_water)
+        shape = self.domain_shape if transpose else self.range_shape
+        return answer.reshape(*array.shape[:-2], *shape).to(array.dtype)
+
+    def _make_kernels(self, device: torch.device) -> CpuProjector | TorchProjector:
+        rays = self.geometry.views * self.geometry.bins
+        if device.type == "cpu":
+            return CpuProjector(self._tables, self.grid.shape, rays)
+        return TorchProjector(self._tables, self.grid.shape, rays, device)
+
+
+class _Project(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, image: Tensor, projector: Projector) -> Tensor:
+        ctx.projector = projector
+        return projector._apply(image.detach(), transpose=False)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        return ctx.projector.adjoint(gradients[0]), None
+
+
+class _BackProject(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, rays: Tensor, projector: Projector) -> Tensor:
+        ctx.projector = projector
+        return projector._apply(rays.detach(), transpose=True)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        return ctx.projector.forward(gradients[0]), None

@@ -1,0 +1,236 @@
+"""The mathematics of rays: the only place where a fan beam meets an image grid.
+
+Seen in the frame in which it is steep, a detector cell casts on each row of the image a strip between two columns
+that change linearly from row to row. Those lines are all that the kernels know: an arc, a flat detector, an offset, a
+moving focal spot are tables of lines.
+
+Turning the image by quarter turns makes every ray steep, and makes view β + 90° of the image view β of the turned
+image. Four views then share one table of lines, one *lane* for each turn.
+"""
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pnpct.geometry import FanBeam, ImageGrid
+
+Method = Literal["distance-driven", "joseph"]
+
+SAME_ANGLE = 2e-6
+"""Views closer than this to a quarter turn apart, rad, share their lines: 0.5 µm at 250 mm from the isocentre."""
+
+WIDEST_STRIP = 2.0
+"""A strip wider than this on a row, in columns, is cut into narrower ones, so that three taps always cover it."""
+
+
+@dataclass(frozen=True)
+class RayLines:
+    """Strips that are steep in the turned images, as lines over the rows.
+
+    On row r of H rows a strip begins at column `edge + slope (r − (H−1)/2)` and is `width + widening (r − (H−1)/2)`
+    columns wide; column c covers [c, c + 1]. Its value is `length` times the mean of the row under the strip, summed
+    over the rows.
+
+    Args:
+        turns: The quarter turns, clockwise, of the image in each lane.
+        rows: Rows of the turned image.
+        cols: Columns of the turned image.
+        edge: Left edge at the middle row.
+        slope: Change of the left edge from row to row.
+        width: Width at the middle row.
+        widening: Change of the width from row to row.
+        length: Path per row, mm, as a part of the strip's cell.
+        measured: For each cell and lane the number of its ray (view · bins + bin), or −1 for none.
+        parts: Strips per cell, which follow one another in the table.
+    """
+
+    turns: tuple[int, ...]
+    rows: int
+    cols: int
+    edge: NDArray[np.float32]
+    slope: NDArray[np.float32]
+    width: NDArray[np.float32]
+    widening: NDArray[np.float32]
+    length: NDArray[np.float32]
+    measured: NDArray[np.int32]
+    parts: int
+
+    @property
+    def strips(self) -> int:
+        """Number of strips."""
+        return self.edge.size
+
+
+def ray_lines(grid: ImageGrid, geometry: FanBeam, method: Method) -> list[RayLines]:
+    """Tabulate the strips of all rays, with four lanes where the views allow it, else one frame after the other.
+
+    Raises:
+        ValueError: If the focal spot would be inside the image, or no ray meets it.
+    """
+    _check_reach(grid, geometry)
+    orbits = view_orbits(geometry)
+    if turns_onto_itself(grid) and geometry.views >= 2 * len(orbits):
+        return [_four_lanes(grid, geometry, orbits, method)]
+    return frame_lines(grid, geometry, method)
+
+
+def frame_lines(grid: ImageGrid, geometry: FanBeam, method: Method) -> list[RayLines]:
+    """Tabulate all strips in one lane: those that are steep in the image, and those that are after a quarter turn."""
+    return [lines for turn in (0, 1) if (lines := _one_lane(grid, geometry, turn, method)).strips]
+
+
+def turned_shape(grid: ImageGrid, turns: tuple[int, ...]) -> tuple[int, int]:
+    """Return rows and columns of the image after the quarter turns, padded to a square if there are several."""
+    if len(turns) > 1:
+        return max(grid.shape), max(grid.shape)
+    return grid.shape if turns[0] % 2 == 0 else (grid.cols, grid.rows)
+
+
+def _check_reach(grid: ImageGrid, geometry: FanBeam) -> None:
+    nearest = float(np.linalg.norm(geometry.focal_spots(), axis=1).min())
+    if grid.radius >= nearest:
+        raise ValueError(
+            f"The image must lie inside the circle of the focal spot: its farthest corner is {grid.radius:.1f} mm from "
+            f"the isocentre, the focal spot {nearest:.1f} mm; use a smaller image or check the units of the distances."
+        )
+    half = (grid.cols * grid.spacing / 2, grid.rows * grid.spacing / 2)
+    gap = math.hypot(*(max(abs(middle) - side, 0.0) for middle, side in zip(grid.center, half, strict=True)))
+    if gap >= geometry.field_of_view_radius:
+        raise ValueError(
+            f"No ray meets the image: the fan sees a circle of radius {geometry.field_of_view_radius:.1f} mm about the "
+            f"isocentre, the image begins {gap:.1f} mm away from it."
+        )
+
+
+def turns_onto_itself(grid: ImageGrid) -> bool:
+    """Whether quarter turns map pixels to pixels, at no more than twice the memory when padded to a square."""
+    sides = sorted(grid.shape)
+    return grid.center == (0.0, 0.0) and (sides[1] - sides[0]) % 2 == 0 and sides[1] <= 2 * sides[0]
+
+
+def view_orbits(geometry: FanBeam) -> list[tuple[float, dict[int, int]]]:
+    """Group views a whole number of quarter turns apart: (angle below 90°, quarter turn -> view)."""
+    quarter = math.pi / 2
+    shifts = geometry.focal_spot_shifts or ((0.0, 0.0),) * geometry.views
+    groups: dict[tuple[float, float], list[tuple[float, int, int]]] = defaultdict(list)
+    for view, beta in enumerate(geometry.view_angles):
+        turn = math.floor((beta + SAME_ANGLE) / quarter)
+        groups[shifts[view]].append((beta - turn * quarter, turn % 4, view))
+    orbits: list[tuple[float, dict[int, int]]] = []
+    for members in groups.values():
+        members.sort()
+        open_from = len(orbits)
+        for rest, turn, view in members:
+            while open_from < len(orbits) and rest - orbits[open_from][0] > SAME_ANGLE:
+                open_from += 1
+            for _, views in orbits[open_from:]:
+                if turn not in views:
+                    views[turn] = view
+                    break
+            else:
+                orbits.append((rest, {turn: view}))
+    return orbits
+
+
+def _four_lanes(
+    grid: ImageGrid, geometry: FanBeam, orbits: list[tuple[float, dict[int, int]]], method: Method
+) -> RayLines:
+    shifts = geometry.focal_spot_shifts
+    first = replace(
+        geometry,
+        view_angles=tuple(angle for angle, _ in orbits),
+        focal_spot_shifts=tuple(shifts[next(iter(views.values()))] for _, views in orbits) if shifts else (),
+    )
+    view_at = np.array([[views.get(turn, -1) for turn in range(4)] for _, views in orbits], np.int64)
+    flat = _is_flat(first)
+    # Lane q holds the image turned q times; a flat ray is steep after one turn more, and so belongs to the view before.
+    turn = (np.arange(4) - flat[..., None]) % 4
+    view = np.take_along_axis(view_at[:, None, :], turn, axis=2)
+    ray = np.where(view >= 0, view * geometry.bins + np.arange(geometry.bins)[:, None], -1)
+    side = max(grid.shape)
+    square = replace(grid, rows=side, cols=side)
+    keep = np.ones_like(flat, bool)
+    return _tabulate(square, first, flat, keep, ray, (0, 1, 2, 3), method)
+
+
+def _one_lane(grid: ImageGrid, geometry: FanBeam, turn: int, method: Method) -> RayLines:
+    flat = _is_flat(geometry)
+    ray = np.arange(flat.size).reshape(*flat.shape, 1)
+    return _tabulate(grid, geometry, np.full_like(flat, turn), flat == turn, ray, (turn,), method)
+
+
+def _is_flat(geometry: FanBeam) -> NDArray[np.int64]:
+    """1 where a ray runs more along x than along y, else 0: the turns that make it steep."""
+    direction = geometry.detector_points(geometry.fan_angles) - geometry.focal_spots()[:, None]
+    return (np.abs(direction[..., 0]) > np.abs(direction[..., 1])).astype(np.int64)
+
+
+def _tabulate(
+    grid: ImageGrid,
+    geometry: FanBeam,
+    turn: NDArray[np.int64],
+    keep: NDArray[np.bool_],
+    ray: NDArray[np.int64],
+    turns: tuple[int, ...],
+    method: Method,
+) -> RayLines:
+    """Tabulate the rays to keep, each seen in the image after `turn` quarter turns."""
+    rows, cols = turned_shape(grid, turns)
+    at, slopes = [], []
+    edges = geometry.fan_angle_edges
+    centers = geometry.fan_angles
+    for angles in (edges[:-1], centers, edges[1:]):
+        column, slope = _line(grid, geometry, angles, turn, cols)
+        at.append(column)
+        slopes.append(slope)
+    length = grid.spacing * np.sqrt(1 + slopes[1] ** 2)
+    if method == "joseph":
+        # Interpolation between two pixel centres is the mean under a strip one column wide.
+        edge, slope = at[1] - 0.5, slopes[1]
+        width, widening = np.ones_like(edge), np.zeros_like(edge)
+    else:
+        left = at[0] <= at[2]
+        edge, slope = np.where(left, at[0], at[2]), np.where(left, slopes[0], slopes[2])
+        width, widening = np.abs(at[2] - at[0]), np.where(left, 1, -1) * (slopes[2] - slopes[0])
+    widest = (width + np.abs(widening) * (rows - 1) / 2)[keep].max(initial=0.0)
+    parts = max(1, math.ceil(widest / WIDEST_STRIP))
+
+    def strips(values: NDArray[np.float64]) -> NDArray[np.float32]:
+        return np.repeat(values[keep], parts).astype(np.float32)
+
+    part = np.tile(np.arange(parts), int(keep.sum())) / parts
+    return RayLines(
+        turns=turns,
+        rows=rows,
+        cols=cols,
+        edge=(np.repeat(edge[keep], parts) + part * np.repeat(width[keep], parts)).astype(np.float32),
+        slope=(np.repeat(slope[keep], parts) + part * np.repeat(widening[keep], parts)).astype(np.float32),
+        width=strips(width / parts),
+        widening=strips(widening / parts),
+        length=strips(length / parts),
+        measured=np.ascontiguousarray(ray[keep], np.int32),
+        parts=parts,
+    )
+
+
+def _line(
+    grid: ImageGrid, geometry: FanBeam, angles: NDArray[np.float64], turn: NDArray[np.int64], cols: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return column at the middle row and columns per row, of the rays at the fan angles in the turned image."""
+    spot = np.broadcast_to(geometry.focal_spots()[:, None], (geometry.views, angles.size, 2))
+    direction = geometry.detector_points(angles) - spot
+    center = np.broadcast_to(np.asarray(grid.center), spot.shape)
+    once = (turn % 2 == 1)[..., None]
+
+    def turned(point: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(once, np.stack([point[..., 1], -point[..., 0]], axis=-1), point)
+
+    spot, direction, center = turned(spot), turned(direction), turned(center)
+    with np.errstate(divide="ignore", invalid="ignore"):  # flat rays, which the caller leaves out
+        per_y = direction[..., 0] / direction[..., 1]
+        x_at_middle = spot[..., 0] + (center[..., 1] - spot[..., 1]) * per_y
+    return (x_at_middle - center[..., 0]) / grid.spacing + cols / 2, -per_y

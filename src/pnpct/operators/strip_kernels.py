@@ -1,0 +1,290 @@
+"""The projector's inner loops on a CPU, compiled by numba.
+
+An image is stored as [row][column][lane] and rays as [strip][lane], so that one load, one index and one weight serve
+all lanes. LLVM does not find this by itself; the three `@intrinsic`s below write the vector instructions of the
+innermost steps: the columns and weights of one strip on a block of rows, the sum over them, and its transpose.
+
+A strip that covers columns e … e + w on a row, with i = ⌊e⌋, has the mean
+
+    p[i] + c₁ (p[i+1] − p[i]) + c₂ (p[i+2] − p[i+1]),     c_t = (e + w − i − t) / w cut to [0, 1].
+
+The lane count reaches the compiler as the length of a tuple: numba caches one kernel on disk for each length.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from pnpct.operators.vector_ir import INT, LONG, Vector, element, fill, times
+
+BLOCK = 16
+"""Rows whose columns and weights are computed together: one vector of them."""
+
+CHUNK = 32
+"""Strips treated before their weights are used: reading at once what was just written would stall."""
+
+LEFT, RIGHT = 1, 3
+"""Columns of zeros beside the image; strips that begin outside are moved there."""
+
+TAPS = 3
+
+NARROWEST = 1e-6
+"""Columns. Behind the focal spot, always beside the image, the lines of a strip cross and its width is negative."""
+
+
+@intrinsic
+def _weigh(_: Any, edge, slope, width, widening, row, cols, stride, place, weight, slot, lanes):
+    """Write place[slot, r] and weight[slot, t, r] of a strip on the rows row … row + BLOCK − 1."""
+    size = lanes.count
+    signature = types.void(edge, slope, width, widening, row, cols, stride, place, weight, slot, lanes)
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        vector = Vector(builder, BLOCK)
+        edge, slope, width, widening, row, cols, stride, place, weight, slot, _ = args
+        rows = vector.add(vector.fill(row), vector.constant(range(BLOCK)))
+        left = vector.add(vector.fill(edge), vector.mul(vector.fill(slope), rows))
+        wide = vector.add(vector.fill(width), vector.mul(vector.fill(widening), rows))
+        wide = vector.call("maxnum", wide, vector.constant([NARROWEST] * BLOCK))
+        first = vector.clip(vector.call("floor", left), vector.constant([-LEFT] * BLOCK), vector.fill(cols))
+        whole = ir.VectorType(INT, BLOCK)
+        column = builder.add(builder.fptosi(first, whole), ir.Constant(whole, [LEFT] * BLOCK))
+        down = builder.mul(fill(builder, stride, BLOCK), ir.Constant(whole, list(range(BLOCK))))
+        offset = builder.add(builder.mul(column, ir.Constant(whole, [size] * BLOCK)), down)
+        target = element(context, builder, signature.args[7], place, times(builder, slot, BLOCK))
+        builder.store(offset, builder.bitcast(target, whole.as_pointer()), align=4)
+        right = vector.sub(vector.add(left, wide), first)
+        share = builder.fdiv(vector.constant([1] * BLOCK), wide, flags=("fast",))
+        target = element(context, builder, signature.args[8], weight, times(builder, slot, BLOCK * (TAPS - 1)))
+        for tap in range(1, TAPS):
+            part = vector.mul(vector.sub(right, vector.constant([tap] * BLOCK)), share)
+            part = vector.clip(part, vector.constant([0] * BLOCK), vector.constant([1] * BLOCK))
+            vector.store(part, builder.gep(target, [ir.Constant(LONG, (tap - 1) * BLOCK)]), 4)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _steps(context: Any, builder: ir.IRBuilder, signature: Any, args: Any, taps: int, size: int) -> Any:
+    """Pointers to the first column and the tap weights on each row, and to the lanes of the strip."""
+    image, row_start, place, weight, slot, rays, strip = args[:7]
+    base = element(context, builder, signature.args[0], image, row_start)
+    places = element(context, builder, signature.args[2], place, times(builder, slot, BLOCK))
+    weights = element(context, builder, signature.args[3], weight, times(builder, slot, BLOCK * (TAPS - 1)))
+
+    def step(row: int) -> tuple[Any, list[Any]]:
+        offset = builder.load(builder.gep(places, [ir.Constant(LONG, row)]))
+        parts = [builder.load(builder.gep(weights, [ir.Constant(LONG, tap * BLOCK + row)])) for tap in range(taps - 1)]
+        return builder.gep(base, [builder.sext(offset, LONG)]), parts
+
+    return step, element(context, builder, signature.args[5], rays, times(builder, strip, size))
+
+
+def _together(taps: int, size: int) -> int:
+    """Taps that one vector of at most 16 floats holds at once, 1 if they do not fit."""
+    padded = 2 if taps == 2 else 4
+    return padded if padded * size <= 16 else 1
+
+
+def _spread(vector: Vector, parts: list[Any], taps: int, size: int) -> Any:
+    """Return the weights 1 − c₁, c₁ − c₂, c₂ (, 0) of all taps, each over its lanes, in one vector."""
+    at = lambda tap, sign: [sign * (element // size == tap) for element in range(vector.size)]  # noqa: E731
+    total = vector.constant(at(0, 1))
+    for tap in range(1, taps):
+        change = [a + b for a, b in zip(at(tap, 1), at(tap - 1, -1), strict=True)]
+        total = vector.add(total, vector.mul(vector.fill(parts[tap - 1]), vector.constant(change)))
+    return total
+
+
+def _gather(taps: int) -> Callable[..., None]:
+    @intrinsic
+    def gather(_, image, row_start, place, weight, slot, rays, strip, lanes):
+        """Add the means under a strip on BLOCK rows to rays[strip]."""
+        size = lanes.count
+        signature = types.void(image, row_start, place, weight, slot, rays, strip, lanes)
+
+        def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+            step, target = _steps(context, builder, signature, args, taps, size)
+            lane, align = Vector(builder, size), 4 * size
+            together = _together(taps, size)
+            sums: list[Any] = [None] * 4
+            if together > 1:
+                vector = Vector(builder, together * size)
+                for row in range(BLOCK):
+                    source, parts = step(row)
+                    term = vector.mul(vector.load(source, align), _spread(vector, parts, taps, size))
+                    sums[row % 4] = term if row < 4 else vector.add(sums[row % 4], term)
+                total = vector.add(vector.add(sums[0], sums[1]), vector.add(sums[2], sums[3]))
+                pieces = [
+                    builder.shuffle_vector(
+                        total,
+                        total,
+                        ir.Constant(ir.VectorType(INT, size), list(range(tap * size, (tap + 1) * size))),
+                    )
+                    for tap in range(together)
+                ]
+                result = lane.load(target, align)
+                for piece in pieces:
+                    result = lane.add(result, piece)
+            else:
+                for row in range(BLOCK):
+                    source, parts = step(row)
+                    values = [
+                        lane.load(builder.gep(source, [ir.Constant(LONG, tap * size)]), align) for tap in range(taps)
+                    ]
+                    term = values[0]
+                    for tap in range(1, taps):
+                        rise = lane.sub(values[tap], values[tap - 1])
+                        term = lane.add(term, lane.mul(lane.fill(parts[tap - 1]), rise))
+                    sums[row % 4] = term if row < 4 else lane.add(sums[row % 4], term)
+                total = lane.add(lane.add(sums[0], sums[1]), lane.add(sums[2], sums[3]))
+                result = lane.add(lane.load(target, align), total)
+            lane.store(result, target, align)
+            return context.get_dummy_value()
+
+        return signature, generate
+
+    return gather
+
+
+def _scatter(taps: int) -> Callable[..., None]:
+    @intrinsic
+    def scatter(_, image, row_start, place, weight, slot, rays, strip, length, power, lanes):
+        """Add rays[strip] times length to the columns under the strip on BLOCK rows, by weights to the power."""
+        size, squared = lanes.count, power.count == 2
+        signature = types.void(image, row_start, place, weight, slot, rays, strip, length, power, lanes)
+
+        def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+            step, origin = _steps(context, builder, signature, args, taps, size)
+            lane, align = Vector(builder, size), 4 * size
+            value = lane.mul(lane.load(origin, align), lane.fill(args[7]))
+            together = _together(taps, size)
+            if together > 1:
+                vector = Vector(builder, together * size)
+                repeat = ir.Constant(ir.VectorType(INT, vector.size), [e % size for e in range(vector.size)])
+                values = builder.shuffle_vector(value, value, repeat)
+                for row in range(BLOCK):
+                    target, parts = step(row)
+                    factor = _spread(vector, parts, taps, size)
+                    factor = vector.mul(factor, factor) if squared else factor
+                    vector.store(vector.add(vector.load(target, align), vector.mul(values, factor)), target, align)
+                return context.get_dummy_value()
+            for row in range(BLOCK):
+                target, parts = step(row)
+                filled = [lane.constant([1] * size), *[lane.fill(part) for part in parts]]
+                for tap in range(taps):
+                    factor = lane.sub(filled[tap], filled[tap + 1]) if tap + 1 < taps else filled[tap]
+                    factor = lane.mul(factor, factor) if squared else factor
+                    column = builder.gep(target, [ir.Constant(LONG, tap * size)])
+                    lane.store(lane.add(lane.load(column, align), lane.mul(value, factor)), column, align)
+            return context.get_dummy_value()
+
+        return signature, generate
+
+    return scatter
+
+
+_gather2, _gather3, _scatter2, _scatter3 = _gather(2), _gather(3), _scatter(2), _scatter(3)
+
+_OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": True, "error_model": "numpy", "cache": True}
+
+
+@njit(inline="always", **_OPTIONS)
+def _prepare(lines, strip, last, row, middle, cols, stride, place, weight, strips, wide, lanes):
+    """Weigh up to CHUNK strips that meet the rows; return the next strip and how many there are."""
+    edge, slope, width, widening, _ = lines
+    count = 0
+    top = np.float32(row) - middle
+    bottom = top + np.float32(BLOCK - 1)
+    while strip < last and count < CHUNK:
+        left0, left1 = edge[strip] + slope[strip] * top, edge[strip] + slope[strip] * bottom
+        wide0, wide1 = width[strip] + widening[strip] * top, width[strip] + widening[strip] * bottom
+        if max(left0 + wide0, left1 + wide1) > np.float32(0) and min(left0, left1) < cols:
+            strips[count] = strip
+            wide[count] = max(wide0, wide1) > np.float32(1)
+            _weigh(
+                edge[strip],
+                slope[strip],
+                width[strip],
+                widening[strip],
+                top,
+                cols,
+                stride,
+                place,
+                weight,
+                count,
+                lanes,
+            )
+            count += 1
+        strip += 1
+    return strip, count
+
+
+@njit(**_OPTIONS)
+def project(image, lines, rays, rows, cols, lanes, first, last):
+    """Sum the image [row][column][lane] along the strips first … last − 1 into rays [strip][lane]."""
+    place, weight = np.empty((CHUNK, BLOCK), np.int32), np.empty((CHUNK, TAPS - 1, BLOCK), np.float32)
+    strips, wide = np.empty(CHUNK, np.int64), np.empty(CHUNK, np.bool_)
+    stride = np.int32(image.shape[1] * len(lanes))
+    middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
+    rays[first:last] = 0
+    for row in range(0, image.shape[0], BLOCK):
+        strip = first
+        while strip < last:
+            strip, count = _prepare(lines, strip, last, row, middle, right, stride, place, weight, strips, wide, lanes)
+            for slot in range(count):
+                if wide[slot]:
+                    _gather3(image, row * np.int64(stride), place, weight, slot, rays, strips[slot], lanes)
+                else:
+                    _gather2(image, row * np.int64(stride), place, weight, slot, rays, strips[slot], lanes)
+    for strip in range(first, last):
+        for lane in range(len(lanes)):
+            rays[strip, lane] *= lines[4][strip]
+
+
+@njit(**_OPTIONS)
+def back_project(image, lines, rays, rows, cols, power, lanes, first, last):
+    """Transpose of `project`, for the row blocks first … last − 1; with two powers, of the squared weights."""
+    place, weight = np.empty((CHUNK, BLOCK), np.int32), np.empty((CHUNK, TAPS - 1, BLOCK), np.float32)
+    strips, wide = np.empty(CHUNK, np.int64), np.empty(CHUNK, np.bool_)
+    stride = np.int32(image.shape[1] * len(lanes))
+    middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
+    for row in range(first * BLOCK, last * BLOCK, BLOCK):
+        image[row : row + BLOCK] = 0
+        strip = 0
+        while strip < rays.shape[0]:
+            strip, count = _prepare(
+                lines, strip, rays.shape[0], row, middle, right, stride, place, weight, strips, wide, lanes
+            )
+            for slot in range(count):
+                length = lines[4][strips[slot]]
+                length = length * length if len(power) == 2 else length
+                if wide[slot]:
+                    _scatter3(
+                        image,
+                        row * np.int64(stride),
+                        place,
+                        weight,
+                        slot,
+                        rays,
+                        strips[slot],
+                        length,
+                        power,
+                        lanes,
+                    )
+                else:
+                    _scatter2(
+                        image,
+                        row * np.int64(stride),
+                        place,
+                        weight,
+                        slot,
+                        rays,
+                        strips[slot],
+                        length,
+                        power,
+                        lanes,
+                    )
