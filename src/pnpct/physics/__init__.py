@@ -1,0 +1,20 @@
+"""What the detector counted, and what it says: scans and their noise, line integrals and their weights."""
+
+from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction
+from pnpct.physics.scan import Moments, Scan, scan_from_moments, simulate_counts
+from pnpct.physics.sinogram import Sinogram, take_log
+from pnpct.physics.weights import BandedWeights, DiagonalWeights, Weights
+
+__all__ = [
+    "BandedWeights",
+    "BeamHardening",
+    "DiagonalWeights",
+    "Moments",
+    "Scan",
+    "Sinogram",
+    "Weights",
+    "fit_water_correction",
+    "scan_from_moments",
+    "simulate_counts",
+    "take_log",
+]

@@ -1,0 +1,151 @@
+"""From counts to line integrals and what each of them is worth."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pnpct.arrays import Rays
+from pnpct.geometry import FanBeam
+from pnpct.physics.scan import Scan
+from pnpct.physics.weights import DiagonalWeights, Weights
+
+
+@dataclass(frozen=True, eq=False)
+class Sinogram:
+    """Line integrals and the weights of a least-squares fit to them.
+
+    Args:
+        line_integrals: y, dimensionless.
+        weights: W, the inverse covariance of the line integrals (up to a factor).
+
+    Raises:
+        ValueError: If a line integral is not finite, or the weights are for other rays.
+    """
+
+    line_integrals: Rays
+    weights: Weights
+
+    def __post_init__(self) -> None:
+        broken = int((~self.line_integrals.isfinite()).sum())
+        if broken:
+            raise ValueError(
+                f"Line integrals must be finite, but {broken} of {self.line_integrals.numel()} are NaN or infinite."
+            )
+        if tuple(self.line_integrals.shape[-2:]) != self.weights.range_shape:
+            raise ValueError(
+                f"The weights are for (views, bins) = {self.weights.range_shape}, the line integrals have "
+                f"the shape {tuple(self.line_integrals.shape)}."
+            )
+
+
+def take_log(
+    scan: Scan,
+    *,
+    smoothing: float = 1.5,
+    low_counts: float = 20.0,
+    weight: Literal["statistical", "uniform"] = "statistical",
+) -> Sinogram:
+    """Turn the counts z of a scan into line integrals, −ln(z/incident) where counts suffice, and weights.
+
+    The logarithm of a few noisy counts is biased, and has no value at all for counts ≤ 0. With l the counts
+    smoothed over neighbouring rays and s the electronic noise, let e = l²/(l + s²) be the noise-equivalent
+    counts (without electronic noise e = l). Then
+
+        y = ln(incident) − t ln z − (1 − t) (ln l + (z − l)/l),     t = e/low_counts − 1 within [0, 1],
+
+    the logarithm from e = 2 low_counts on and its tangent at l, which has no bias from noise, up to
+    low_counts. Below the larger of s and one quantum, both logarithms go on along their tangent, so that y is
+    finite for every z: behind lead its mean ends at ln(incident/s) + 1. The tangent takes detail finer than
+    the smoothing from starved rays only to first order.
+
+    The weights are 1/variance of y, w = e: of smoothed counts, since weights that share the noise of y bias
+    the fit. With a beam-hardening correction h, line integrals are h(y) and weights e/h′²; both stay on an
+    absolute scale.
+
+    Args:
+        scan: What was measured.
+        smoothing: Standard deviation of the Gaussian that gives l, in bins along the detector, and along the
+            views as many views, but no further than a point halfway out in the field of view moves by as many
+            bins. 0 for none: each weight comes from its own count, and the logarithm reaches down to the
+            larger of s and one quantum.
+        low_counts: Noise-equivalent counts up to which the tangent replaces the logarithm, ≥ 0.
+        weight: "statistical", or "uniform" for ones.
+
+    Returns:
+        Line integrals, dimensionless, and weights, 1/variance for "statistical".
+
+    Raises:
+        ValueError: If an option is out of its range.
+
+    References:
+        Thibault et al., Proc. SPIE 6065 (2006) 60650X: positive counts by local averaging, electronic noise
+        in the weights; Fu et al., IEEE Trans. Med. Imaging 36 (2017) 707: bias of the logarithm.
+
+    Example:
+        >>> from pnpct.geometry import evenly_spaced_views
+        >>> geometry = FanBeam(evenly_spaced_views(2), bins=3, source_to_isocenter=541.0,
+        ...                    source_to_detector=949.0, bin_width=1.0)
+        >>> scan = Scan(torch.full((2, 3), 500.0), torch.tensor(1000.0), electronic_noise=0.0,
+        ...             geometry=geometry, mu_water=0.0193)
+        >>> sinogram = take_log(scan)
+        >>> sinogram.line_integrals[0, 0].item(), sinogram.weights.diagonal[0, 0].item()  # ln 2, 500
+        (0.693..., 500.0...)
+    """
+    for name, value in (("smoothing", smoothing), ("low_counts", low_counts)):
+        if not (math.isfinite(value) and value >= 0):
+            raise ValueError(f"{name} must be finite and not negative, got {value}.")
+    if weight not in ("statistical", "uniform"):
+        raise ValueError(f'The weight is "statistical" or "uniform", got "{weight}".')
+    counts, incident = scan.counts, scan.incident.to(scan.counts)
+    floor = max(1.0, scan.electronic_noise)
+    # Transmissions are smoothed, not counts: tube current and bow-tie filter may change from ray to ray.
+    smooth = incident * _smooth(counts / incident, scan.geometry, smoothing)
+    equivalent = _noise_equivalent(smooth, scan.electronic_noise)
+    above = smooth.clamp_min(floor)
+    tangent = above.log() + (counts - above) / above
+    trust = ((equivalent - low_counts) / max(low_counts, torch.finfo(counts.dtype).tiny)).clamp(0.0, 1.0)
+    line_integrals = incident.log() - torch.lerp(tangent, _extended_log(counts, floor), trust)
+    if scan.beam_hardening is not None:
+        slope = scan.beam_hardening.slope((incident / above).log())
+        line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
+    return Sinogram(line_integrals, DiagonalWeights(equivalent if weight == "statistical" else torch.ones_like(counts)))
+
+
+def _noise_equivalent(counts: Tensor, electronic_noise: float) -> Tensor:
+    """l²/(l + s²), the inverse variance of the logarithm; 0 where nothing arrives."""
+    positive = counts.clamp_min(torch.finfo(counts.dtype).tiny)
+    return positive / (1 + electronic_noise**2 / positive)
+
+
+def _extended_log(counts: Tensor, start: float) -> Tensor:
+    """The logarithm from `start` on, and its tangent there below."""
+    return counts.clamp_min(start).log() + (counts / start - 1).clamp_max(0.0)
+
+
+def _smooth(transmission: Rays, geometry: FanBeam, smoothing: float) -> Rays:
+    """Gaussian means over neighbours; as matrices, so that views may come in any order and with gaps."""
+    if smoothing == 0:
+        return transmission
+    angles = np.asarray(geometry.view_angles)
+    apart = (angles[:, None] - angles + np.pi) % (2 * np.pi) - np.pi
+    steps = np.diff(np.unique((angles % (2 * np.pi)).round(9)))
+    step = float(np.median(steps)) if steps.size else math.inf
+    # Few views are far apart: their neighbours see something else, and would blur the object.
+    bin_at_isocenter = geometry.bin_width * geometry.source_to_isocenter / geometry.source_to_detector
+    step = min(step, bin_at_isocenter / (geometry.field_of_view_radius / 2))
+    numbers = np.arange(geometry.bins)
+    over_views = _gaussian(apart / (smoothing * step), transmission)
+    over_bins = _gaussian((numbers[:, None] - numbers) / smoothing, transmission)
+    return over_views @ transmission @ over_bins.T
+
+
+def _gaussian(distances: NDArray[np.float64], like: Tensor) -> Float[Tensor, "n n"]:
+    """Weights of the neighbours at the given distances in standard deviations; each row sums to one."""
+    weights = np.where(np.abs(distances) <= 3, np.exp(-0.5 * distances**2), 0.0)
+    return torch.from_numpy(weights / weights.sum(-1, keepdims=True)).to(like)
