@@ -1,0 +1,212 @@
+"""What all our HDF5 files share: how they are made, opened, checked and described."""
+
+import secrets
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import h5py
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pnpct.arrays import Image
+from pnpct.files.atomic import atomic_path
+from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.provenance import Provenance
+from pnpct.geometry import ImageGrid
+
+FORMAT_VERSION = 1
+_GRID = {"spacing_mm": "spacing", "rows": "rows", "cols": "cols"}
+_CHUNK_BYTES = 1 << 18
+
+
+@contextmanager
+def new_hdf5(path: PathLike, *, file_format: str, provenance: Provenance, description: str) -> Iterator[h5py.File]:
+    """Give an HDF5 file to fill, and write it to `path` when the block has succeeded.
+
+    It grows in memory and goes to the disk in one piece: the HDF5 library crashes the process when a disk
+    fills up under it. The memory needed is twice the size of the compressed file.
+
+    Args:
+        path: Where the file shall be.
+        file_format: What the file is, such as "pnpct-scan".
+        provenance: How the content was made.
+        description: What a reader should know of the content, in words.
+
+    Yields:
+        The open file, with its root attributes already there.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    with atomic_path(path) as temporary:
+        with h5py.File(secrets.token_hex(8), "w", driver="core", backing_store=False) as file:
+            file.attrs.update(format=file_format, format_version=FORMAT_VERSION, description=description)
+            file.attrs["provenance"] = provenance.to_json()
+            yield file
+            file.flush()
+            content = file.id.get_file_image()
+        temporary.write_bytes(content)
+
+
+@contextmanager
+def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
+    """Open one of our HDF5 files for reading; whatever is wrong with its content becomes one sentence.
+
+    Args:
+        path: The file.
+        formats: The formats that will do; all of them if it is empty.
+
+    Yields:
+        The open file.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If the content is not whole, of another format, or of a newer version.
+    """
+    path = existing_file(path)
+    with path.open("rb"):
+        pass  # the system's own error for what cannot be read, before HDF5's
+    try:
+        with h5py.File(path, "r") as file:
+            _check_format(file, formats)
+            yield file
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}") from error
+    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+        raise FileFormatError(f"{path}: {_what_is_wrong(error)}") from error
+
+
+def _check_format(file: h5py.File, formats: Sequence[str]) -> None:
+    found, number = file.attrs.get("format"), file.attrs.get("format_version")
+    if not isinstance(found, str) or not isinstance(number, np.integer):
+        raise FileFormatError("an HDF5 file, but not one of pnpct's (no root attributes format and format_version).")
+    if formats and found not in formats:
+        raise FileFormatError(f'a file of the format "{found}" came where "{" or ".join(formats)}" was needed.')
+    if number > FORMAT_VERSION:
+        raise FileFormatError(
+            f"its format version {number} is newer than the {FORMAT_VERSION} known here; update pnpct."
+        )
+
+
+def _what_is_wrong(error: Exception) -> str:
+    text = " ".join(str(error.args[0] if isinstance(error, KeyError) and error.args else error).split())
+    if "signature not found" in text:
+        return "this is not an HDF5 file; give a file that pnpct has written."
+    if isinstance(error, BlockingIOError):
+        return "this file is being written by another program; wait until that is done."
+    if "truncated file" in text or "eof" in text.lower():
+        return "this file is cut short; copy it again or make it anew."
+    if isinstance(error, KeyError):
+        return f"something is missing in this file ({text}); make it anew."
+    if isinstance(error, OSError | RuntimeError | TypeError):
+        return f"this file is damaged ({text}); copy it again or make it anew."
+    return text
+
+
+def write_array(group: h5py.Group, name: str, values: Tensor, *, units: str, description: str) -> h5py.Dataset:
+    """Store an array as float32 with its unit, compressed in blocks of whole rows."""
+    array = values.detach().cpu().numpy().astype(np.float32)
+    options: dict[str, Any] = {}
+    if array.ndim >= 2 and array.size:
+        rows = max(1, min(array.shape[-2], _CHUNK_BYTES // (4 * array.shape[-1])))
+        chunks = (1,) * (array.ndim - 2) + (rows, array.shape[-1])
+        options = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
+    dataset = group.create_dataset(name, data=array, **options)
+    dataset.attrs.update(units=units, description=description)
+    return dataset
+
+
+def read_array(group: h5py.Group, name: str) -> Float[Tensor, "..."]:
+    """Load a dataset of finite numbers.
+
+    Raises:
+        FileFormatError: If it is missing, or holds something else.
+    """
+    dataset = group.get(name)
+    if not isinstance(dataset, h5py.Dataset):
+        raise FileFormatError(f"the dataset {group.name.rstrip('/')}/{name} is missing in this file; make it anew.")
+    if dataset.dtype.kind not in "fiu":
+        raise FileFormatError(f"{dataset.name} must hold numbers, but it holds {dataset.dtype}.")
+    values = torch.from_numpy(np.asarray(dataset[()]))
+    values = values if values.is_floating_point() else values.double()
+    if not values.isfinite().all():
+        raise FileFormatError(f"{dataset.name} holds values that are not finite; make the file anew.")
+    return values
+
+
+def group_of(file: h5py.File, name: str) -> h5py.Group:
+    """Return a group of a file.
+
+    Raises:
+        FileFormatError: If it is missing.
+    """
+    group = file.get(name)
+    if not isinstance(group, h5py.Group):
+        raise FileFormatError(f"the group /{name} is missing in this file; make it anew.")
+    return group
+
+
+def write_image_dataset(group: h5py.Group, image: Image, grid: ImageGrid, *, description: str) -> None:
+    """Store an image as `image` in a group, with its grid as attributes."""
+    if tuple(image.shape[-2:]) != grid.shape:
+        raise ValueError(f"The image must end in the grid's {grid.shape}, got {tuple(image.shape)}.")
+    units = "attenuation relative to water (air 0, water 1; HU = 1000 (image - 1))"
+    dataset = write_array(group, "image", image, units=units, description=description)
+    dataset.attrs.update({key: getattr(grid, name) for key, name in _GRID.items()})
+    dataset.attrs["center_xy_mm"] = grid.center
+    dataset.attrs["orientation"] = "row 0 is the largest y, column 0 the smallest x; x to the right, y up"
+
+
+def read_image_dataset(group: h5py.Group) -> tuple[Image, ImageGrid]:
+    """Load what `write_image_dataset` stored.
+
+    Raises:
+        FileFormatError: If something is missing or does not fit together.
+    """
+    image = read_array(group, "image")
+    attributes = group["image"].attrs
+    center = np.asarray(attributes["center_xy_mm"], dtype=np.float64)
+    if center.shape != (2,):
+        raise FileFormatError(f"center_xy_mm must be two numbers, got {center.tolist()}.")
+    rows, cols, spacing = int(attributes["rows"]), int(attributes["cols"]), float(attributes["spacing_mm"])
+    grid = ImageGrid(rows, cols, spacing, (float(center[0]), float(center[1])))
+    if tuple(image.shape[-2:]) != grid.shape:
+        raise FileFormatError(f"the image has the shape {tuple(image.shape)}, but its grid {grid.shape}.")
+    return image, grid
+
+
+def describe_file(path: PathLike) -> dict[str, Any]:
+    """Tell what one of our HDF5 files holds, without loading its arrays.
+
+    Returns:
+        Plain values: "format", "format_version", "description", "provenance" (as a dictionary), "arrays"
+        (shape, type, units and description by name) and "attributes" (all others, by the name of what they
+        belong to).
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If it is not one of pnpct's HDF5 files.
+    """
+    arrays: dict[str, dict[str, Any]] = {}
+    attributes: dict[str, dict[str, Any]] = {}
+
+    def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in item.attrs.items()}
+        if isinstance(item, h5py.Dataset):
+            arrays[name] = {"shape": item.shape, "type": str(item.dtype)}
+            arrays[name] |= {key: plain.pop(key, "") for key in ("units", "description")}
+        if plain:
+            attributes[name] = plain
+
+    with open_hdf5(path, formats=()) as file:
+        visit("/", file)
+        file.visititems(visit)
+        root = attributes.pop("/")
+        provenance = vars(Provenance.from_json(root.pop("provenance")))
+    known = {key: root.pop(key, "") for key in ("format", "format_version", "description")}
+    if root:
+        attributes["/"] = root
+    return {**known, "provenance": provenance, "arrays": arrays, "attributes": attributes}

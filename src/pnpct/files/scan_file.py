@@ -1,0 +1,151 @@
+"""Scans on disk: one HDF5 file that anybody can read with h5py.
+
+    /counts                       (..., views, bins) float32, quanta
+    /incident                     float32, quanta: one number, (bins), (views, 1) or (views, bins)
+    /electronic_noise             float64, quanta, standard deviation
+    /geometry                     attributes: source_to_isocenter_mm, source_to_detector_mm, bin_width_mm,
+                                  detector_offset_bins, bins, detector ("arc" or "flat")
+    /geometry/view_angles         (views) float64, rad
+    /geometry/focal_spot_shifts   (views, 2) float64, mm; only if the focal spot moves
+    /beam_hardening/coefficients  (bins, order + 1); only if there is a correction
+    /truth/image                  the object, where it is known, with its grid as attributes
+
+The root has the attributes format ("pnpct-scan"), format_version, description, provenance (JSON) and
+mu_water_per_mm; each dataset has units and a description.
+"""
+
+import h5py
+import numpy as np
+import torch
+
+from pnpct.arrays import Image
+from pnpct.files.errors import FileFormatError, PathLike
+from pnpct.files.hdf5 import (
+    group_of,
+    new_hdf5,
+    open_hdf5,
+    read_array,
+    read_image_dataset,
+    write_array,
+    write_image_dataset,
+)
+from pnpct.files.provenance import Provenance
+from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.physics import BeamHardening, Scan
+
+FORMAT = "pnpct-scan"
+_LENGTHS = {
+    "source_to_isocenter_mm": "source_to_isocenter",
+    "source_to_detector_mm": "source_to_detector",
+    "bin_width_mm": "bin_width",
+    "detector_offset_bins": "detector_offset",
+}
+
+
+def write_scan(
+    path: PathLike,
+    scan: Scan,
+    *,
+    provenance: Provenance,
+    truth: tuple[Image, ImageGrid] | None = None,
+    description: str = "",
+) -> None:
+    """Write a scan, and the object that was scanned where it is known.
+
+    Counts, incident quanta and images become float32; all else keeps its precision.
+
+    Args:
+        path: Where the file shall be; an older one is replaced.
+        scan: The scan.
+        provenance: How it was made.
+        truth: The object, relative to water, and its grid.
+        description: What a reader should know, in words.
+
+    Raises:
+        OSError: If the file cannot be written.
+        ValueError: If the truth does not fit its grid.
+    """
+    with new_hdf5(path, file_format=FORMAT, provenance=provenance, description=description) as file:
+        file.attrs["mu_water_per_mm"] = scan.mu_water
+        write_array(file, "counts", scan.counts, units="quanta", description="what the detector counted")
+        write_array(file, "incident", scan.incident, units="quanta", description="counts expected without an object")
+        noise = file.create_dataset("electronic_noise", data=float(scan.electronic_noise))
+        noise.attrs.update(units="quanta", description="standard deviation of the electronic noise in each count")
+        _write_geometry(file.create_group("geometry"), scan.geometry)
+        if scan.beam_hardening is not None:
+            coefficients = scan.beam_hardening.coefficients.detach().cpu().numpy()
+            dataset = file.create_dataset("beam_hardening/coefficients", data=coefficients)
+            meaning = "polynomials, highest power first, from measured line integrals to those of one energy"
+            dataset.attrs.update(units="1", description=meaning)
+        if truth is not None:
+            write_image_dataset(file.create_group("truth"), *truth, description="the object that was scanned")
+
+
+def read_scan(path: PathLike) -> Scan:
+    """Read a scan; its tensors are on the CPU.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If it is not a whole scan that fits together; the sentence says what is wrong.
+    """
+    with open_hdf5(path, formats=(FORMAT,)) as file:
+        geometry = _read_geometry(group_of(file, "geometry"))
+        counts = read_array(file, "counts")
+        if tuple(counts.shape[-2:]) != geometry.shape:
+            raise FileFormatError(
+                f"the counts have the shape {tuple(counts.shape)}, but the geometry is for {geometry.shape}."
+            )
+        noise = read_array(file, "electronic_noise")
+        if noise.ndim:
+            raise FileFormatError(f"/electronic_noise must be one number, got the shape {tuple(noise.shape)}.")
+        hardening = None
+        if "beam_hardening" in file:
+            hardening = BeamHardening(read_array(group_of(file, "beam_hardening"), "coefficients"))
+        return Scan(
+            counts=counts,
+            incident=read_array(file, "incident"),
+            electronic_noise=float(noise),
+            geometry=geometry,
+            mu_water=float(file.attrs["mu_water_per_mm"]),
+            beam_hardening=hardening,
+        )
+
+
+def read_truth(path: PathLike) -> tuple[Image, ImageGrid] | None:
+    """Read the object that was scanned, and its grid; None where it is not known.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If it is not a scan, or its truth is not whole.
+    """
+    with open_hdf5(path, formats=(FORMAT,)) as file:
+        return read_image_dataset(group_of(file, "truth")) if "truth" in file else None
+
+
+def _write_geometry(group: h5py.Group, geometry: FanBeam) -> None:
+    group.attrs.update({key: getattr(geometry, name) for key, name in _LENGTHS.items()})
+    group.attrs.update(detector=geometry.detector, bins=geometry.bins)
+    angles = group.create_dataset("view_angles", data=np.asarray(geometry.view_angles))
+    meaning = "the focal spot is at (-R sin, R cos) of this angle: at the top for 0, counter-clockwise with growth"
+    angles.attrs.update(units="rad", description=meaning)
+    if geometry.focal_spot_shifts:
+        shifts = group.create_dataset("focal_spot_shifts", data=np.asarray(geometry.focal_spot_shifts))
+        meaning = "shift of the focal spot in each view: towards growing fan angle, away from the isocentre"
+        shifts.attrs.update(units="mm", description=meaning)
+
+
+def _read_geometry(group: h5py.Group) -> FanBeam:
+    shifts = read_array(group, "focal_spot_shifts") if "focal_spot_shifts" in group else torch.zeros(0, 2)
+    angles = read_array(group, "view_angles")
+    if angles.ndim != 1 or shifts.ndim != 2 or shifts.shape[1] != 2:
+        raise FileFormatError(
+            f"view angles must have the shape (views,) and focal-spot shifts (views, 2), got "
+            f"{tuple(angles.shape)} and {tuple(shifts.shape)}."
+        )
+    return FanBeam(
+        view_angles=angles.tolist(),
+        bins=int(group.attrs["bins"]),
+        detector=group.attrs["detector"],
+        focal_spot_shifts=[(along, away) for along, away in shifts.tolist()],
+        **{name: float(group.attrs[key]) for key, name in _LENGTHS.items()},
+    )
