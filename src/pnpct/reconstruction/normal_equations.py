@@ -1,0 +1,117 @@
+"""The normal equations (AᵀWA + β) x = b of the data step: their scale, and conjugate gradients."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeAlias
+
+import torch
+from torch import Tensor
+
+from pnpct.arrays import Image
+from pnpct.operators import Projector
+from pnpct.physics import Sinogram
+from pnpct.reconstruction.fbp import fbp
+
+Operator: TypeAlias = Callable[[Image], Image]
+
+Solve: TypeAlias = Callable[[Operator, Image, Image], Image]
+"""(H, b, x) -> better x: H maps an image to (AᵀWA + β) image, x is where to begin."""
+
+MakeSolver: TypeAlias = Callable[[Sinogram, Projector, Tensor], Solve]
+"""(sinogram, A, β) -> Solve, β in the units of AᵀWA, one number per image."""
+
+INNER_ITERATIONS = 3
+"""Steps of an iterative solver in each data step. Warm-started they add up; an exact solution is wasted."""
+
+OBJECT = 0.3
+"""What attenuates more than this part of water belongs to the object."""
+
+
+def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
+    """Return the mean of the diagonal of AᵀWA over the object: the scale of β, one number per image.
+
+    The object is what exceeds 0.3 of water in a smooth FBP image; outside it the weights of rays through air would
+    dominate. If nothing does, the mean is over the whole image.
+
+    Returns:
+        1 over the square of attenuation relative to water, shape (*batch, 1, 1).
+    """
+    diagonal = A.gram_diagonal(sinogram.weights.diagonal)
+    at_rest = A
+    if A.geometry.focal_spot_shifts:  # which FBP does not take; for a mask the nominal focal spot will do
+        at_rest = Projector(A.grid, replace(A.geometry, focal_spot_shifts=()), mu_water=A.mu_water)
+    inside = fbp(sinogram.line_integrals, at_rest, kernel="soft") > OBJECT
+    inside = inside | ~inside.any(dim=(-2, -1), keepdim=True) if inside.ndim > 2 else inside | ~inside.any()
+    diagonal = diagonal.expand(inside.shape)
+    return (diagonal * inside).sum((-2, -1), keepdim=True) / inside.sum((-2, -1), keepdim=True)
+
+
+def beta_from_sigma_v(sigma_v_hu: float, sinogram: Sinogram, A: Projector) -> float:
+    """Return the β that says the image is known beforehand to `sigma_v_hu`: β = 1/(σ_v² · mean diagonal).
+
+    It is the same knob in physical words, and means what it says if the weights are true inverse variances. For a
+    batch it is the mean over the images.
+
+    Raises:
+        ValueError: If `sigma_v_hu` is not positive.
+    """
+    if not 0 < sigma_v_hu < float("inf"):
+        raise ValueError(f"sigma_v must be a positive number of HU, got {sigma_v_hu}.")
+    return float((1e6 / (sigma_v_hu**2 * mean_diagonal(sinogram, A))).mean())
+
+
+def sigma_v_from_beta(beta: float, sinogram: Sinogram, A: Projector) -> float:
+    """Return σ_v in HU for a β in mean diagonals: the inverse of `beta_from_sigma_v`."""
+    if not 0 < beta < float("inf"):
+        raise ValueError(f"beta must be a positive number, got {beta}.")
+    return float(1000 / (beta * (1 / mean_diagonal(sinogram, A)).mean().reciprocal()) ** 0.5)
+
+
+def conjugate_gradient(
+    H: Operator, b: Image, x: Image, *, iterations: int, precondition: Operator | None = None
+) -> Image:
+    """Improve x towards H x = b by preconditioned conjugate gradients, each image of a batch on its own.
+
+    1. r = b − H x, z = M⁻¹ r, p = z
+    2. α = ⟨r, z⟩ / ⟨p, H p⟩, x += α p, r −= α H p
+    3. z = M⁻¹ r, p = z + ⟨r, z⟩ / ⟨r, z⟩_before p, and again from 2
+
+    Args:
+        H: Symmetric positive definite operator.
+        b: Right-hand side.
+        x: Where to begin.
+        iterations: Steps; each applies H once, and the start once more.
+        precondition: M⁻¹, symmetric positive definite; none for plain conjugate gradients.
+
+    References:
+        Hestenes and Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409.
+    """
+    if iterations < 1:
+        raise ValueError(f"Conjugate gradients need at least one iteration, got {iterations}.")
+    r = b - H(x)
+    z = precondition(r) if precondition else r
+    p, rz = z, _dot(r, z)
+    for iteration in range(iterations):
+        Hp = H(p)
+        curvature = _dot(p, Hp)
+        step = torch.where(curvature > 0, rz / curvature, 0.0)  # an image that is solved already stays
+        x, r = x + step * p, r - step * Hp
+        if iteration + 1 == iterations:
+            break
+        z = precondition(r) if precondition else r
+        rz, before = _dot(r, z), rz
+        p = z + torch.where(before > 0, rz / before, 0.0) * p
+    return x
+
+
+def plain(_sinogram: Sinogram, _A: Projector, _beta: Tensor, *, inner_iterations: int = INNER_ITERATIONS) -> Solve:
+    """Make a solver that takes plain conjugate-gradient steps."""
+
+    def solve(H: Operator, b: Image, x: Image) -> Image:
+        return conjugate_gradient(H, b, x, iterations=inner_iterations)
+
+    return solve
+
+
+def _dot(a: Image, b: Image) -> Tensor:
+    return (a * b).sum((-2, -1), keepdim=True)

@@ -1,0 +1,108 @@
+"""Plug-and-play ADMM: the paper's equations (2) to (7).
+
+The image that fits the weighted data and pleases a prior R,
+
+    min ½ ‖A x − y‖²_W + λ R(v)   such that   x = v                                       (2), (3)
+
+is found in turns. Given v and the scaled dual variable u, x solves the normal equations (4a), (5); a denoiser takes
+the place of the proximal map of R (4b), (6); u collects what x and v disagree about (4c):
+
+    (AᵀWA + β) x = AᵀW y + β (v − u)
+    v = D(x + u)
+    u = u + x − v
+
+β here has no unit: it counts in mean diagonals of AᵀWA (`normal_equations.mean_diagonal`), so that one value serves
+every dose and geometry.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+
+from pnpct.arrays import Image
+from pnpct.denoisers import Denoise
+from pnpct.operators import Projector
+from pnpct.physics import Sinogram
+from pnpct.reconstruction.fourier import fourier
+from pnpct.reconstruction.normal_equations import MakeSolver, mean_diagonal
+
+BETA = 0.3
+"""Works best over doses and sizes. The paper's 1.2, on this scale, trusts the denoiser more and moves more slowly."""
+
+
+@dataclass(frozen=True, eq=False)
+class ADMMState:
+    """The three iterates of ADMM. To resume, hand a state back.
+
+    Args:
+        x: Image that was fitted to the data, relative to water.
+        v: Image that was denoised; the result.
+        u: Scaled dual variable: what the denoiser has taken away so far and the data want back.
+
+    Raises:
+        ValueError: If the shapes differ.
+    """
+
+    x: Image
+    v: Image
+    u: Image
+
+    def __post_init__(self) -> None:
+        if not self.x.shape == self.v.shape == self.u.shape:
+            raise ValueError(
+                f"The iterates x, v, u have one shape, got {tuple(self.x.shape)}, {tuple(self.v.shape)} and "
+                f"{tuple(self.u.shape)}."
+            )
+
+    @classmethod
+    def start(cls, image: Image) -> "ADMMState":
+        """Begin from an image, usually that of filtered back-projection."""
+        return cls(x=image, v=image, u=torch.zeros_like(image))
+
+
+def pnp_admm(
+    sinogram: Sinogram,
+    A: Projector,
+    denoise: Denoise,
+    state: ADMMState,
+    *,
+    beta: float = BETA,
+    solver: MakeSolver = fourier,
+) -> Iterator[ADMMState]:
+    """Yield the iterates of plug-and-play ADMM, for ever; the caller's loop says when to stop.
+
+    Args:
+        sinogram: Line integrals y and weights W.
+        A: The projector.
+        denoise: D, with its strength inside.
+        state: Where to begin or to go on from.
+        beta: Penalty β > 0 in mean diagonals of AᵀWA.
+        solver: Makes the solver of the normal equations from (sinogram, A, β).
+
+    Yields:
+        The state after each iteration.
+
+    Raises:
+        ValueError: If `beta` is not positive (at the first iteration).
+
+    References:
+        Venkatakrishnan, Bouman and Wohlberg, GlobalSIP (2013) 945; the paper, Eqs. (4) to (6).
+    """
+    if not 0 < beta < float("inf"):
+        raise ValueError(f"beta must be a positive number, got {beta}.")
+    y, W = sinogram.line_integrals, sinogram.weights
+    penalty = beta * mean_diagonal(sinogram, A)
+    AtWy = A.T(W(y))
+    solve = solver(sinogram, A, penalty)
+
+    def H(image: Image) -> Image:
+        return A.T(W(A(image))) + penalty * image
+
+    x, v, u = state.x, state.v, state.u
+    while True:
+        with torch.no_grad():
+            x = solve(H, AtWy + penalty * (v - u), x)  # (4a), (5)
+            v = denoise(x + u)  # (4b), (6)
+            u = u + x - v  # (4c)
+        yield ADMMState(x, v, u)

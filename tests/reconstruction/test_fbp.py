@@ -1,0 +1,146 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+from pnpct.operators import FanBackprojector, Projector
+from pnpct.reconstruction import fbp
+from pnpct.reconstruction.fbp import measured_share, view_steps
+from pnpct.units import to_hu
+
+FAN = FanBeam(
+    view_angles=evenly_spaced_views(984),
+    bins=900,
+    source_to_isocenter=541.0,
+    source_to_detector=949.0,
+    bin_width=1.0239,
+    detector_offset=0.25,
+)
+HALF_FAN = math.degrees(FAN.fan_angle_edges[-1])
+MU_WATER = 0.02
+
+SCANS = {
+    "arc, full turn": FAN,
+    "flat, full turn": replace(FAN, detector="flat", bin_width=1.1),
+    "views not divisible by four": replace(FAN, view_angles=evenly_spaced_views(985)),
+    "short scan": replace(FAN, view_angles=evenly_spaced_views(656, span=math.radians(181 + 2 * HALF_FAN))),
+    "more than a short scan": replace(FAN, view_angles=evenly_spaced_views(820, span=math.radians(300))),
+    "flat, short scan": replace(
+        FAN,
+        detector="flat",
+        bin_width=1.1,
+        view_angles=evenly_spaced_views(656, span=math.radians(186 + 2 * HALF_FAN)),
+    ),
+    "detector moved aside": replace(FAN, bins=520, detector_offset=200.25),
+    "flat, moved aside": replace(FAN, bins=520, detector_offset=-200.25, detector="flat"),
+    "gaps": replace(FAN, view_angles=[a for a in evenly_spaced_views(984) if not 0.7 < a % 1.0 <= 1.0 or a > 2.0]),
+    "any order, from 1 rad": replace(FAN, view_angles=evenly_spaced_views(984, start=1.0)[::-1]),
+    "two turns": replace(FAN, view_angles=evenly_spaced_views(1968, span=4 * math.pi)),
+}
+
+
+def water_disc(geometry: FanBeam, center=(0.0, 0.0), radius=100.0) -> torch.Tensor:
+    """Exact line integrals of a disc of water."""
+    spots = geometry.focal_spots()[:, None]
+    towards = geometry.detector_points(geometry.fan_angles) - spots
+    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    apart = np.asarray(center) - spots
+    aside = apart[..., 0] * towards[..., 1] - apart[..., 1] * towards[..., 0]
+    return torch.from_numpy(MU_WATER * 2 * np.sqrt(np.maximum(radius**2 - aside**2, 0))).float()
+
+
+@pytest.mark.parametrize("name", SCANS)
+def test_a_water_disc_is_zero_hu_in_air_of_minus_a_thousand(name):
+    geometry = SCANS[name]
+    grid = ImageGrid(256, 256, spacing=500 / 256)
+    center = (0.0, 0.0) if "order" in name else (40.0, -25.0)
+    image_hu = to_hu(fbp(water_disc(geometry, center), Projector(grid, geometry, mu_water=MU_WATER))).numpy()
+    from_center = np.hypot(grid.x[None] - center[0], grid.y[:, None] - center[1])
+    from_axis = np.hypot(grid.x[None], grid.y[:, None])
+    inside, outside = image_hu[from_center < 95], image_hu[(from_center > 106) & (from_axis < 235)]
+    assert abs(inside.mean()) < 0.5
+    assert abs(outside.mean() + 1000) < 1
+    assert inside.std() < 1.5  # ringing at the edge
+    # Rings: the mean at every radius, edge excluded.
+    radii = from_center[from_center < 90]
+    rings = [image_hu[from_center < 90][(radii >= r) & (radii < r + 10)].mean() for r in range(0, 90, 10)]
+    assert np.abs(rings).max() < 0.5
+
+
+@pytest.mark.parametrize("kernel", ["ram-lak", "shepp-logan", "hann", "soft"])
+def test_every_kernel_keeps_the_mean(kernel):
+    geometry = replace(FAN, view_angles=evenly_spaced_views(240))
+    grid = ImageGrid(128, 128, spacing=2.0)
+    image_hu = to_hu(fbp(water_disc(geometry), Projector(grid, geometry, mu_water=MU_WATER), kernel=kernel))
+    inside = np.hypot(grid.x[None], grid.y[:, None]) < 90
+    assert abs(float(image_hu[torch.from_numpy(inside)].mean())) < 0.5
+
+
+@pytest.mark.parametrize("measured", [range(240), range(140), range(190), [*range(20, 60), *range(75, 240)]])
+@pytest.mark.parametrize("offset", [0, 25])
+def test_the_shares_of_a_line_add_up_to_one(measured, offset):
+    """On a grid of views and bins that has the other ray of each line."""
+    step = 2 * math.pi / 240
+    geometry = replace(
+        FAN,
+        view_angles=[step * view for view in measured],
+        bins=41,
+        bin_width=2 * math.tan(step / 4) * 949.0,
+        detector_offset=math.tan(offset / 2 * step) * 949.0 / (2 * math.tan(step / 4) * 949.0),
+    )
+    share = measured_share(geometry)
+    number = np.rint(geometry.fan_angles / (step / 2)).astype(int)
+    rows, cols = {view: row for row, view in enumerate(measured)}, {k: col for col, k in enumerate(number)}
+    for view, row in rows.items():
+        for k, col in cols.items():
+            other_row, other_col = rows.get((view + 120 + k) % 240), cols.get(-k)
+            there = 0.0 if other_row is None or other_col is None else share[other_row, other_col]
+            assert share[row, col] + there == pytest.approx(1, abs=1e-6)
+
+
+def test_a_full_turn_shares_evenly_and_a_short_scan_as_parker_says():
+    np.testing.assert_allclose(measured_share(replace(FAN, detector_offset=0.0)), 0.5)
+    start, widest = 0.3, math.pi / 8
+    short = replace(
+        FAN,
+        detector_offset=0.0,
+        bin_width=2 * math.tan(widest / 900) * 949,
+        view_angles=evenly_spaced_views(700, start=start, span=math.pi + 2 * widest),
+    )
+    gamma, half_step = short.fan_angles, (math.pi + 2 * widest) / 1400
+    view = 40
+    beta = short.view_angles[view] - start + half_step
+    expected = np.where(
+        beta < 2 * (widest - gamma), np.sin(math.pi / 4 * beta / (widest - gamma)) ** 2, 1.0
+    )  # Parker's Eq. 12 while the end of the scan sees the other side
+    np.testing.assert_allclose(measured_share(short)[view], expected, atol=1e-6)
+
+
+def test_views_stand_for_the_angle_around_them():
+    geometry = replace(FAN, view_angles=np.radians([0.0, 1.0, 3.0, 4.0, 180.0]))
+    steps = np.degrees(view_steps(geometry))
+    assert view_steps(FAN).sum() == pytest.approx(2 * math.pi)
+    assert steps[1] == pytest.approx(1.5)  # the usual step is 2 degrees: there is no gap here
+    assert steps[4] == pytest.approx(2.0)  # alone in a gap
+
+
+def test_turned_lanes_and_plain_torch_give_the_same_backprojection(generator):
+    for name in ("arc, full turn", "flat, short scan"):
+        few = replace(SCANS[name], view_angles=SCANS[name].view_angles[::41], bins=90, bin_width=10.0)
+        for grid in (ImageGrid(30, 30, spacing=14.0), ImageGrid(21, 30, spacing=10.0, center=(20.0, 5.0))):
+            rays = torch.rand(2, *few.shape, generator=generator)
+            back_project = FanBackprojector(grid, few)
+            expected = back_project._anywhere(rays)
+            torch.testing.assert_close(back_project(rays), expected, rtol=1e-4, atol=1e-4 * float(expected.max()))
+
+
+def test_what_fbp_cannot_do_is_said():
+    moving = replace(FAN, view_angles=(0.0, 1.0), focal_spot_shifts=[(1.0, 0.0), (0.0, 0.0)])
+    with pytest.raises(ValueError, match="focal spot that stays in place"):
+        fbp(torch.zeros(moving.shape), Projector(ImageGrid(8, 8, spacing=10.0), moving))
+    wide = replace(FAN, bin_width=2.0, view_angles=(0.0, 1.0))
+    with pytest.raises(ValueError, match="at most 45 degrees on a side, got 54"):
+        fbp(torch.zeros(wide.shape), Projector(ImageGrid(8, 8, spacing=10.0), wide))
