@@ -22,38 +22,25 @@ def aligned(shape: tuple[int, ...]) -> Array:
 
 
 @njit(inline="always")
-def _frame(rows, cols, turns):
-    """Height and width of the turned image, and where row 0 and column 0 of the unturned one begin in it."""
-    if len(turns) > 1:  # a square around the image
-        side = max(rows, cols)
-        return side, side, (side - rows) // 2, (side - cols) // 2
-    if turns[0] % 2 == 1:
-        return cols, rows, 0, 0
-    return rows, cols, 0, 0
+def _margins(rows, cols, turns):
+    """Rows above and columns beside the image in the square that several turns need."""
+    side = max(rows, cols)
+    return ((side - rows) // 2, (side - cols) // 2) if len(turns) > 1 else (0, 0)
 
 
 @njit(inline="always")
-def _unturned(i, j, turn, height, width):
-    """Where the pixel (i, j) of the image after `turn` clockwise quarter turns was before them."""
-    if turn == 0:
-        return i, j
-    if turn == 1:
-        return width - 1 - j, i
-    if turn == 2:
-        return height - 1 - i, width - 1 - j
-    return j, height - 1 - i
+def _turned_view(rows, cols, stride, turn):
+    """Walk an image of the given size as it looks after `turn` clockwise quarter turns.
 
-
-@njit(inline="always")
-def _turned(i, j, turn, height, width):
-    """Inverse of `_unturned`."""
+    Returns height and width, and in memory the first pixel, the step per row and the step per column.
+    """
     if turn == 0:
-        return i, j
+        return rows, cols, 0, stride, 1
     if turn == 1:
-        return j, width - 1 - i
+        return cols, rows, (rows - 1) * stride, 1, -stride
     if turn == 2:
-        return height - 1 - i, width - 1 - j
-    return height - 1 - j, i
+        return rows, cols, (rows - 1) * stride + cols - 1, -stride, -1
+    return cols, rows, cols - 1, -1, stride
 
 
 @njit(**_OPTIONS)
@@ -63,7 +50,7 @@ def pack_image(images, turns, first_slice, left, lanes, first, last):
     Columns beside the image, rows below it and lanes without a slice become zero: the transpose writes there.
     """
     slices, rows, cols = images.shape
-    height, width, above, beside = _frame(rows, cols, turns)
+    above, beside = _margins(rows, cols, turns)
     for row0 in range(first, last, _TILE):
         row1 = min(row0 + _TILE, last)
         lanes[row0:row1] = 0
@@ -71,34 +58,43 @@ def pack_image(images, turns, first_slice, left, lanes, first, last):
             index, turn = first_slice + lane // len(turns), turns[lane % len(turns)]
             if index >= slices:
                 continue
-            image = images[index]
+            image = images[index].reshape(rows * cols)
+            height, width, origin, per_row, per_col = _turned_view(rows, cols, cols, turn)
+            top, side = (above, beside) if turn % 2 == 0 else (beside, above)
             for col0 in range(0, width, _TILE):
-                for row in range(row0, min(row1, height)):
+                for row in range(max(row0, top), min(row1, top + height)):
+                    at = origin + (row - top) * per_row
                     for col in range(col0, min(col0 + _TILE, width)):
-                        i, j = _unturned(row, col, turn, height, width)
-                        i, j = i - above, j - beside
-                        if 0 <= i < rows and 0 <= j < cols:
-                            lanes[row, col + left, lane] = image[i, j]
+                        lanes[row, left + side + col, lane] = image[at + col * per_col]
 
 
 @njit(**_OPTIONS)
 def unpack_image(lanes, turns, first_slice, left, images, fresh, first, last):
     """Add the lanes, turned back, to rows first … last − 1 of the images, which are zeroed first if fresh."""
     slices, rows, cols = images.shape
-    height, width, above, beside = _frame(rows, cols, turns)
+    above, beside = _margins(rows, cols, turns)
+    values, width = lanes.reshape(lanes.size), lanes.shape[1]
+    size = lanes.shape[2]
     for row0 in range(first, last, _TILE):
         row1 = min(row0 + _TILE, last)
-        for index in range(first_slice, min(slices, first_slice + lanes.shape[2] // len(turns))):
+        for index in range(first_slice, min(slices, first_slice + size // len(turns))):
             image = images[index]
             if fresh:
                 image[row0:row1] = 0
             for col0 in range(0, cols, _TILE):
+                col1 = min(col0 + _TILE, cols)
                 for number in range(len(turns)):
-                    lane, turn = (index - first_slice) * len(turns) + number, turns[number]
+                    turn = turns[number]
+                    height, across = (rows, cols) if turn % 2 == 0 else (cols, rows)
+                    top, side = (above, beside) if turn % 2 == 0 else (beside, above)
+                    # Turning back is turning on to the full turn.
+                    _, _, origin, per_row, per_col = _turned_view(height, across, width, (4 - turn) % 4)
+                    lane = (index - first_slice) * len(turns) + number
+                    origin += top * width + left + side
                     for row in range(row0, row1):
-                        for col in range(col0, min(col0 + _TILE, cols)):
-                            i, j = _turned(row + above, col + beside, turn, height, width)
-                            image[row, col] += lanes[i, j + left, lane]
+                        at = origin + row * per_row
+                        for col in range(col0, col1):
+                            image[row, col] += values[(at + col * per_col) * size + lane]
 
 
 @njit(**_OPTIONS)

@@ -19,7 +19,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-from pnpct.operators.vector_ir import INT, LONG, Vector, element, fill, times
+from pnpct.operators.vector_ir import FREE, INT, LONG, Vector, element, fill, times
 
 BLOCK = 16
 """Rows whose columns and weights are computed together: one vector of them."""
@@ -57,7 +57,7 @@ def _weigh(_: Any, edge, slope, width, widening, row, cols, stride, place, weigh
         target = element(context, builder, signature.args[7], place, times(builder, slot, BLOCK))
         builder.store(offset, builder.bitcast(target, whole.as_pointer()), align=4)
         right = vector.sub(vector.add(left, wide), first)
-        share = builder.fdiv(vector.constant([1] * BLOCK), wide, flags=("fast",))
+        share = builder.fdiv(vector.constant([1] * BLOCK), wide, flags=FREE)
         target = element(context, builder, signature.args[8], weight, times(builder, slot, BLOCK * (TAPS - 1)))
         for tap in range(1, TAPS):
             part = vector.mul(vector.sub(right, vector.constant([tap] * BLOCK)), share)

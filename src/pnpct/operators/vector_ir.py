@@ -8,6 +8,9 @@ from typing import Any
 from llvmlite import ir
 from numba.core import cgutils
 
+FREE = ("nnan", "ninf", "nsz", "arcp", "contract")
+"""Fused multiply-add and no care for NaN, but no reassociation: it would merge the sums that hide latency."""
+
 FLOAT, INT, LONG = ir.FloatType(), ir.IntType(32), ir.IntType(64)
 
 
@@ -31,13 +34,13 @@ class Vector:
         self.builder.store(value, self.builder.bitcast(pointer, self.type.as_pointer()), align=align)
 
     def add(self, a: Any, b: Any) -> Any:
-        return self.builder.fadd(a, b, flags=("fast",))
+        return self.builder.fadd(a, b, flags=FREE)
 
     def sub(self, a: Any, b: Any) -> Any:
-        return self.builder.fsub(a, b, flags=("fast",))
+        return self.builder.fsub(a, b, flags=FREE)
 
     def mul(self, a: Any, b: Any) -> Any:
-        return self.builder.fmul(a, b, flags=("fast",))
+        return self.builder.fmul(a, b, flags=FREE)
 
     def call(self, name: str, *operands: Any) -> Any:
         signature = ir.FunctionType(self.type, [self.type] * len(operands))

@@ -20,7 +20,7 @@ from torch import Tensor
 from pnpct.arrays import Image
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
-from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Operator, Solve, conjugate_gradient
+from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Operator, Solve, warm_started
 
 LEVELS = 3
 
@@ -43,12 +43,7 @@ def fourier(
 
     Setting up takes one projection, one back-projection and the diagonal.
     """
-    precondition = fourier_preconditioner(sinogram, A, beta, levels=levels)
-
-    def solve(H: Operator, b: Image, x: Image) -> Image:
-        return conjugate_gradient(H, b, x, iterations=inner_iterations, precondition=precondition)
-
-    return solve
+    return warm_started(inner_iterations, fourier_preconditioner(sinogram, A, beta, levels=levels))
 
 
 def fourier_preconditioner(sinogram: Sinogram, A: Projector, beta: Tensor, *, levels: int = LEVELS) -> Operator:

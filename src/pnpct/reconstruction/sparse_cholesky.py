@@ -30,7 +30,7 @@ from pnpct.operators.threads import parallel
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.factor_kernels import add_view, factorise, list_members
 from pnpct.reconstruction.footprints import Footprints
-from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Operator, Solve, conjugate_gradient
+from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Solve, warm_started
 
 RADIUS = 3.0
 
@@ -58,10 +58,7 @@ def cholesky(
         flat = image.detach().cpu().double().numpy().ravel()
         return torch.from_numpy(factor @ (factor.T @ flat)).reshape(image.shape).to(image)
 
-    def solve(H: Operator, b: Image, x: Image) -> Image:
-        return conjugate_gradient(H, b, x, iterations=inner_iterations, precondition=precondition)
-
-    return solve
+    return warm_started(inner_iterations, precondition)
 
 
 def inverse_factor(sinogram: Sinogram, A: Projector, beta: float, *, radius: float = RADIUS) -> csc_array:
