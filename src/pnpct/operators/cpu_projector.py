@@ -53,10 +53,12 @@ class CpuProjector:
                 size, slices = tile(rays.shape[0], len(table.turns))
                 image, strips = self._working_arrays(table, size)
                 shape, width = (table.rows, table.cols), (0.0,) * size
-                cells, blocks, rows = table.measured.shape[0], image.shape[0] // BLOCK, self._image_shape[0]
+                cells, rows = table.measured.shape[0], self._image_shape[0]
                 for at in range(0, rays.shape[0], slices):
                     parallel(lanes.pack_rays, cells, rays, table.measured, table.parts, at, strips)
-                    parallel(kernels.back_project, blocks, image, lines, strips, *shape, power, width)
+                    parallel(
+                        kernels.back_project, len(image), image, lines, strips, *shape, power, width, multiple=BLOCK
+                    )
                     parallel(
                         lanes.unpack_image,
                         rows,

@@ -21,8 +21,9 @@ from numba.extending import intrinsic
 
 from pnpct.operators.vector_ir import FREE, INT, LONG, Vector, element, fill, times
 
-BLOCK = 16
-"""Rows whose columns and weights are computed together: one vector of them."""
+BLOCK = 32
+"""Images have rows in multiples of this. So many rows are treated together, or half of them where the lanes are many:
+a block of the image stays in the second-level cache."""
 
 CHUNK = 32
 """Strips treated before their weights are used: reading at once what was just written would stall."""
@@ -36,48 +37,64 @@ NARROWEST = 1e-6
 """Columns. Behind the focal spot, always beside the image, the lines of a strip cross and its width is negative."""
 
 
-@intrinsic
-def _weigh(_: Any, edge, slope, width, widening, row, cols, stride, place, weight, slot, lanes):
-    """Write place[slot, r] and weight[slot, t, r] of a strip on the rows row … row + BLOCK − 1."""
-    size = lanes.count
-    signature = types.void(edge, slope, width, widening, row, cols, stride, place, weight, slot, lanes)
-
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-        vector = Vector(builder, BLOCK)
-        edge, slope, width, widening, row, cols, stride, place, weight, slot, _ = args
-        rows = vector.add(vector.fill(row), vector.constant(range(BLOCK)))
-        left = vector.add(vector.fill(edge), vector.mul(vector.fill(slope), rows))
-        wide = vector.add(vector.fill(width), vector.mul(vector.fill(widening), rows))
-        wide = vector.call("maxnum", wide, vector.constant([NARROWEST] * BLOCK))
-        first = vector.clip(vector.call("floor", left), vector.constant([-LEFT] * BLOCK), vector.fill(cols))
-        whole = ir.VectorType(INT, BLOCK)
-        column = builder.add(builder.fptosi(first, whole), ir.Constant(whole, [LEFT] * BLOCK))
-        down = builder.mul(fill(builder, stride, BLOCK), ir.Constant(whole, list(range(BLOCK))))
-        offset = builder.add(builder.mul(column, ir.Constant(whole, [size] * BLOCK)), down)
-        target = element(context, builder, signature.args[7], place, times(builder, slot, BLOCK))
-        builder.store(offset, builder.bitcast(target, whole.as_pointer()), align=4)
-        right = vector.sub(vector.add(left, wide), first)
-        share = builder.fdiv(vector.constant([1] * BLOCK), wide, flags=FREE)
-        target = element(context, builder, signature.args[8], weight, times(builder, slot, BLOCK * (TAPS - 1)))
-        for tap in range(1, TAPS):
-            part = vector.mul(vector.sub(right, vector.constant([tap] * BLOCK)), share)
-            part = vector.clip(part, vector.constant([0] * BLOCK), vector.constant([1] * BLOCK))
-            vector.store(part, builder.gep(target, [ir.Constant(LONG, (tap - 1) * BLOCK)]), 4)
-        return context.get_dummy_value()
-
-    return signature, generate
+@njit(inline="always")
+def _rows_together(lanes):
+    return BLOCK if len(lanes) <= 8 else BLOCK // 2
 
 
-def _steps(context: Any, builder: ir.IRBuilder, signature: Any, args: Any, taps: int, size: int) -> Any:
+def _block(lanes: Any) -> int:
+    return BLOCK if lanes.count <= 8 else BLOCK // 2
+
+
+def _weigh(taps: int) -> Callable[..., None]:
+    @intrinsic
+    def weigh(_, edge, slope, width, widening, strip, row, cols, stride, place, weight, slot, lanes):
+        """Write place[slot, r] and weight[slot, t, r] of a strip on the rows of a block that begins at `row`."""
+        size, rows = lanes.count, _block(lanes)
+        signature = types.void(edge, slope, width, widening, strip, row, cols, stride, place, weight, slot, lanes)
+
+        def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+            vector, whole = Vector(builder, rows), ir.VectorType(INT, rows)
+            strip, row, cols, stride, place, weight, slot = args[4:11]
+            edge, slope, width, widening = (
+                vector.fill(builder.load(element(context, builder, signature.args[number], args[number], strip)))
+                for number in range(4)
+            )
+            numbers = vector.add(vector.fill(row), vector.constant(range(rows)))
+            left = vector.add(edge, vector.mul(slope, numbers))
+            wide = vector.add(width, vector.mul(widening, numbers))
+            wide = vector.call("maxnum", wide, vector.constant([NARROWEST] * rows))
+            first = vector.clip(vector.call("floor", left), vector.constant([-LEFT] * rows), vector.fill(cols))
+            column = builder.add(builder.fptosi(first, whole), ir.Constant(whole, [LEFT] * rows))
+            down = builder.mul(fill(builder, stride, rows), ir.Constant(whole, list(range(rows))))
+            offset = builder.add(builder.mul(column, ir.Constant(whole, [size] * rows)), down)
+            target = element(context, builder, signature.args[8], place, times(builder, slot, rows))
+            builder.store(offset, builder.bitcast(target, whole.as_pointer()), align=4)
+            right = vector.sub(vector.add(left, wide), first)
+            share = builder.fdiv(vector.constant([1] * rows), wide, flags=FREE)
+            target = element(context, builder, signature.args[9], weight, times(builder, slot, rows * (TAPS - 1)))
+            for tap in range(1, taps):
+                part = vector.mul(vector.sub(right, vector.constant([tap] * rows)), share)
+                part = vector.clip(part, vector.constant([0] * rows), vector.constant([1] * rows))
+                vector.store(part, builder.gep(target, [ir.Constant(LONG, (tap - 1) * rows)]), 4)
+            return context.get_dummy_value()
+
+        return signature, generate
+
+    return weigh
+
+
+def _steps(context: Any, builder: ir.IRBuilder, signature: Any, args: Any, taps: int, lanes: Any) -> Any:
     """Pointers to the first column and the tap weights on each row, and to the lanes of the strip."""
     image, row_start, place, weight, slot, rays, strip = args[:7]
+    size, rows = lanes.count, _block(lanes)
     base = element(context, builder, signature.args[0], image, row_start)
-    places = element(context, builder, signature.args[2], place, times(builder, slot, BLOCK))
-    weights = element(context, builder, signature.args[3], weight, times(builder, slot, BLOCK * (TAPS - 1)))
+    places = element(context, builder, signature.args[2], place, times(builder, slot, rows))
+    weights = element(context, builder, signature.args[3], weight, times(builder, slot, rows * (TAPS - 1)))
 
     def step(row: int) -> tuple[Any, list[Any]]:
         offset = builder.load(builder.gep(places, [ir.Constant(LONG, row)]))
-        parts = [builder.load(builder.gep(weights, [ir.Constant(LONG, tap * BLOCK + row)])) for tap in range(taps - 1)]
+        parts = [builder.load(builder.gep(weights, [ir.Constant(LONG, tap * rows + row)])) for tap in range(taps - 1)]
         return builder.gep(base, [builder.sext(offset, LONG)]), parts
 
     return step, element(context, builder, signature.args[5], rays, times(builder, strip, size))
@@ -102,18 +119,18 @@ def _spread(vector: Vector, parts: list[Any], taps: int, size: int) -> Any:
 def _gather(taps: int) -> Callable[..., None]:
     @intrinsic
     def gather(_, image, row_start, place, weight, slot, rays, strip, lanes):
-        """Add the means under a strip on BLOCK rows to rays[strip]."""
+        """Add the means under a strip on a block of rows to rays[strip]."""
         size = lanes.count
         signature = types.void(image, row_start, place, weight, slot, rays, strip, lanes)
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-            step, target = _steps(context, builder, signature, args, taps, size)
+            step, target = _steps(context, builder, signature, args, taps, lanes)
             lane, align = Vector(builder, size), 4 * size
             together = _together(taps, size)
             sums: list[Any] = [None] * 4
             if together > 1:
                 vector = Vector(builder, together * size)
-                for row in range(BLOCK):
+                for row in range(_block(lanes)):
                     source, parts = step(row)
                     term = vector.mul(vector.load(source, align), _spread(vector, parts, taps, size))
                     sums[row % 4] = term if row < 4 else vector.add(sums[row % 4], term)
@@ -130,7 +147,7 @@ def _gather(taps: int) -> Callable[..., None]:
                 for piece in pieces:
                     result = lane.add(result, piece)
             else:
-                for row in range(BLOCK):
+                for row in range(_block(lanes)):
                     source, parts = step(row)
                     values = [
                         lane.load(builder.gep(source, [ir.Constant(LONG, tap * size)]), align) for tap in range(taps)
@@ -153,12 +170,12 @@ def _gather(taps: int) -> Callable[..., None]:
 def _scatter(taps: int) -> Callable[..., None]:
     @intrinsic
     def scatter(_, image, row_start, place, weight, slot, rays, strip, length, power, lanes):
-        """Add rays[strip] times length to the columns under the strip on BLOCK rows, by weights to the power."""
+        """Add rays[strip] times length to the columns under the strip on a block of rows, by weights to the power."""
         size, squared = lanes.count, power.count == 2
         signature = types.void(image, row_start, place, weight, slot, rays, strip, length, power, lanes)
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-            step, origin = _steps(context, builder, signature, args, taps, size)
+            step, origin = _steps(context, builder, signature, args, taps, lanes)
             lane, align = Vector(builder, size), 4 * size
             value = lane.mul(lane.load(origin, align), lane.fill(args[7]))
             together = _together(taps, size)
@@ -166,13 +183,13 @@ def _scatter(taps: int) -> Callable[..., None]:
                 vector = Vector(builder, together * size)
                 repeat = ir.Constant(ir.VectorType(INT, vector.size), [e % size for e in range(vector.size)])
                 values = builder.shuffle_vector(value, value, repeat)
-                for row in range(BLOCK):
+                for row in range(_block(lanes)):
                     target, parts = step(row)
                     factor = _spread(vector, parts, taps, size)
                     factor = vector.mul(factor, factor) if squared else factor
                     vector.store(vector.add(vector.load(target, align), vector.mul(values, factor)), target, align)
                 return context.get_dummy_value()
-            for row in range(BLOCK):
+            for row in range(_block(lanes)):
                 target, parts = step(row)
                 filled = [lane.constant([1] * size), *[lane.fill(part) for part in parts]]
                 for tap in range(taps):
@@ -187,104 +204,85 @@ def _scatter(taps: int) -> Callable[..., None]:
     return scatter
 
 
-_gather2, _gather3, _scatter2, _scatter3 = _gather(2), _gather(3), _scatter(2), _scatter(3)
+_weigh2, _weigh3 = _weigh(2), _weigh(3)
+_gather2, _gather3 = _gather(2), _gather(3)
+_scatter2, _scatter3 = _scatter(2), _scatter(3)
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": True, "error_model": "numpy", "cache": True}
 
+# Unsigned numbers, because a signed one would be checked for counting from the end at each use.
+_ZERO, _ONE, _CHUNK = np.uint64(0), np.uint64(1), np.uint64(CHUNK)
+
 
 @njit(inline="always", **_OPTIONS)
-def _prepare(lines, strip, last, row, middle, cols, stride, place, weight, strips, wide, lanes):
-    """Weigh up to CHUNK strips that meet the rows; return the next strip and how many there are."""
+def _prepare(lines, strip, last, top, cols, stride, place, weight, strips, wide, lanes):
+    """Weigh up to CHUNK strips that meet a block of rows; return the next strip and how many there are."""
     edge, slope, width, widening, _ = lines
-    count = 0
-    top = np.float32(row) - middle
-    bottom = top + np.float32(BLOCK - 1)
-    while strip < last and count < CHUNK:
+    count = _ZERO
+    bottom = top + np.float32(_rows_together(lanes) - 1)
+    while strip < last and count < _CHUNK:
         left0, left1 = edge[strip] + slope[strip] * top, edge[strip] + slope[strip] * bottom
         wide0, wide1 = width[strip] + widening[strip] * top, width[strip] + widening[strip] * bottom
         if max(left0 + wide0, left1 + wide1) > np.float32(0) and min(left0, left1) < cols:
             strips[count] = strip
             wide[count] = max(wide0, wide1) > np.float32(1)
-            _weigh(
-                edge[strip],
-                slope[strip],
-                width[strip],
-                widening[strip],
-                top,
-                cols,
-                stride,
-                place,
-                weight,
-                count,
-                lanes,
-            )
-            count += 1
-        strip += 1
+            if wide[count]:
+                _weigh3(edge, slope, width, widening, strip, top, cols, stride, place, weight, count, lanes)
+            else:
+                _weigh2(edge, slope, width, widening, strip, top, cols, stride, place, weight, count, lanes)
+            count += _ONE
+        strip += _ONE
     return strip, count
+
+
+@njit(inline="always")
+def _scratch(lanes):
+    """Places and weights of a chunk of strips, their numbers, and whether they take three taps."""
+    rows = _rows_together(lanes)
+    return (
+        np.empty((CHUNK, rows), np.int32),
+        np.empty((CHUNK, TAPS - 1, rows), np.float32),
+        np.empty(CHUNK, np.uint64),
+        np.empty(CHUNK, np.bool_),
+    )
 
 
 @njit(**_OPTIONS)
 def project(image, lines, rays, rows, cols, lanes, first, last):
     """Sum the image [row][column][lane] along the strips first … last − 1 into rays [strip][lane]."""
-    place, weight = np.empty((CHUNK, BLOCK), np.int32), np.empty((CHUNK, TAPS - 1, BLOCK), np.float32)
-    strips, wide = np.empty(CHUNK, np.int64), np.empty(CHUNK, np.bool_)
-    stride = np.int32(image.shape[1] * len(lanes))
+    place, weight, strips, wide = _scratch(lanes)
+    stride, end = np.int32(image.shape[1] * len(lanes)), np.uint64(last)
     middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
     rays[first:last] = 0
-    for row in range(0, image.shape[0], BLOCK):
-        strip = first
-        while strip < last:
-            strip, count = _prepare(lines, strip, last, row, middle, right, stride, place, weight, strips, wide, lanes)
+    for row in range(0, image.shape[0], _rows_together(lanes)):
+        strip, start, top = np.uint64(first), row * np.int64(stride), np.float32(row) - middle
+        while strip < end:
+            strip, count = _prepare(lines, strip, end, top, right, stride, place, weight, strips, wide, lanes)
             for slot in range(count):
                 if wide[slot]:
-                    _gather3(image, row * np.int64(stride), place, weight, slot, rays, strips[slot], lanes)
+                    _gather3(image, start, place, weight, slot, rays, strips[slot], lanes)
                 else:
-                    _gather2(image, row * np.int64(stride), place, weight, slot, rays, strips[slot], lanes)
-    for strip in range(first, last):
+                    _gather2(image, start, place, weight, slot, rays, strips[slot], lanes)
+    for number in range(first, last):
         for lane in range(len(lanes)):
-            rays[strip, lane] *= lines[4][strip]
+            rays[number, lane] *= lines[4][number]
 
 
 @njit(**_OPTIONS)
 def back_project(image, lines, rays, rows, cols, power, lanes, first, last):
-    """Transpose of `project`, for the row blocks first … last − 1; with two powers, of the squared weights."""
-    place, weight = np.empty((CHUNK, BLOCK), np.int32), np.empty((CHUNK, TAPS - 1, BLOCK), np.float32)
-    strips, wide = np.empty(CHUNK, np.int64), np.empty(CHUNK, np.bool_)
-    stride = np.int32(image.shape[1] * len(lanes))
+    """Transpose of `project`, for the rows first … last − 1; with two powers, of the squared weights."""
+    place, weight, strips, wide = _scratch(lanes)
+    stride, end = np.int32(image.shape[1] * len(lanes)), np.uint64(rays.shape[0])
     middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
-    for row in range(first * BLOCK, last * BLOCK, BLOCK):
-        image[row : row + BLOCK] = 0
-        strip = 0
-        while strip < rays.shape[0]:
-            strip, count = _prepare(
-                lines, strip, rays.shape[0], row, middle, right, stride, place, weight, strips, wide, lanes
-            )
+    image[first:last] = 0
+    for row in range(first, last, _rows_together(lanes)):
+        strip, start, top = _ZERO, row * np.int64(stride), np.float32(row) - middle
+        while strip < end:
+            strip, count = _prepare(lines, strip, end, top, right, stride, place, weight, strips, wide, lanes)
             for slot in range(count):
-                length = lines[4][strips[slot]]
-                length = length * length if len(power) == 2 else length
+                number = strips[slot]
+                length = lines[4][number] * lines[4][number] if len(power) == 2 else lines[4][number]
                 if wide[slot]:
-                    _scatter3(
-                        image,
-                        row * np.int64(stride),
-                        place,
-                        weight,
-                        slot,
-                        rays,
-                        strips[slot],
-                        length,
-                        power,
-                        lanes,
-                    )
+                    _scatter3(image, start, place, weight, slot, rays, number, length, power, lanes)
                 else:
-                    _scatter2(
-                        image,
-                        row * np.int64(stride),
-                        place,
-                        weight,
-                        slot,
-                        rays,
-                        strips[slot],
-                        length,
-                        power,
-                        lanes,
-                    )
+                    _scatter2(image, start, place, weight, slot, rays, number, length, power, lanes)
