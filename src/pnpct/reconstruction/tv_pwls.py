@@ -7,7 +7,7 @@ from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.pnp_admm import BETA, ADMMState, pnp_admm
 
-STRENGTH = 0.008
+STRENGTH = 0.07
 """λ in units of the image × pixel."""
 
 
