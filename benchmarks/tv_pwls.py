@@ -13,12 +13,12 @@ import sys
 import time
 
 import numpy as np
-from reference_scans import chest
 
 from pnpct.evaluation import rmse_hu, soft_tissue_mask
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 from pnpct.reconstruction import ADMMState, fbp, tv_pwls, until
+from reference_scans import chest
 
 
 def main() -> None:

@@ -122,6 +122,11 @@ class FanBeam:
         return along * pitch + math.atan(self.detector_offset * self.bin_width / self.source_to_detector)
 
     @property
+    def bin_width_at_isocenter(self) -> float:
+        """Width of a cell seen from the focal spot at the distance of the isocentre, mm."""
+        return self.bin_width * self.source_to_isocenter / self.source_to_detector
+
+    @property
     def field_of_view_radius(self) -> float:
         """Radius of the circle about the isocentre that the wider side of the fan reaches, mm."""
         widest = float(np.abs(self.fan_angle_edges[[0, -1]]).max())

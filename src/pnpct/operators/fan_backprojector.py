@@ -86,7 +86,7 @@ class FanBackprojector:
         height, width = self._shape
         size, slices = tile(rays.shape[0], len(self._turns))
         image = lanes.aligned((-(-height // BLOCK) * BLOCK, width, size))
-        views = lanes.aligned((self._measured.shape[0], size))
+        views = lanes.aligned((len(self._measured) + 1, size))  # what is beside the last bin has a neighbour too
         images = np.empty((rays.shape[0], *self.grid.shape), np.float32)
         single = np.float32
         spacing, (x, y) = self.grid.spacing, self.grid.center

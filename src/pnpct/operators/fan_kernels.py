@@ -16,22 +16,22 @@ _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": True, "error_model": "num
 
 
 @intrinsic
-def _add_between(_, image, start, column, views, place, share, weight, lanes):
-    """Add to image[start + column · lanes] weight times the value between two neighbouring bins."""
+def _add_between(_, image, start, column, views, base, place, share, weight, lanes):
+    """Add to image[start + column · lanes] weight times the value between two neighbouring bins of the view at base."""
     size = lanes.count
-    signature = types.void(image, start, column, views, place, share, weight, lanes)
+    signature = types.void(image, start, column, views, base, place, share, weight, lanes)
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-        image, start, column, views, place, share, weight, _ = args
+        image, start, column, views, base, place, share, weight, _ = args
         lane, align = Vector(builder, size), 4 * size
         element_of = lambda number, array: element(context, builder, signature.args[number], array, column)  # noqa: E731
-        offset = builder.sext(builder.load(element_of(4, place)), LONG)
-        near = element(context, builder, signature.args[3], views, offset)
+        offset = times(builder, builder.sext(builder.load(element_of(5, place)), LONG), size)
+        near = element(context, builder, signature.args[3], views, base, offset)
         a = lane.load(near, align)
         b = lane.load(builder.gep(near, [ir.Constant(LONG, size)]), align)
-        value = lane.add(a, lane.mul(lane.fill(builder.load(element_of(5, share))), lane.sub(b, a)))
+        value = lane.add(a, lane.mul(lane.fill(builder.load(element_of(6, share))), lane.sub(b, a)))
         target = element(context, builder, signature.args[0], image, start, times(builder, column, size))
-        scaled = lane.mul(lane.fill(builder.load(element_of(6, weight))), value)
+        scaled = lane.mul(lane.fill(builder.load(element_of(7, weight))), value)
         lane.store(lane.add(lane.load(target, align), scaled), target, align)
         return context.get_dummy_value()
 
@@ -58,13 +58,15 @@ def back_project_fan(image, views, cosines, sines, place, distance, bins, arc, l
     """
     x0, y0, spacing = place
     count, scale, offset = bins
-    cols, pitch = image.shape[1], count + 2
+    cols, size = image.shape[1], len(lanes)
+    # Only float32 and int32 in the loop over columns: it then becomes one of vectors.
     at, share, weight = np.empty(cols, np.int32), np.empty(cols, np.float32), np.empty(cols, np.float32)
+    end = np.float32(count + 1)
     image[first:last] = 0
     for block in range(first, last, BLOCK):
         for view in range(cosines.size):
             c, s = cosines[view], sines[view]
-            base = np.int32(view * pitch + 1)
+            base = view * (count + 2) * size
             for row in range(block, min(block + BLOCK, last)):
                 y = y0 - np.float32(row) * spacing
                 for col in range(cols):
@@ -72,17 +74,13 @@ def back_project_fan(image, views, cosines, sines, place, distance, bins, arc, l
                     depth = distance + x * s - y * c
                     across = x * c + y * s
                     tangent = min(max(across / depth, np.float32(-1)), np.float32(1))
+                    squared = depth * depth
                     if arc:
-                        bin_ = scale * _arctangent(tangent) + offset
-                        weight[col] = np.float32(1) / (depth * depth + across * across)
-                    else:
-                        bin_ = scale * tangent + offset
-                        weight[col] = np.float32(1) / (depth * depth)
-                    bin_ = min(max(bin_, np.float32(-1)), np.float32(count))
-                    lower = np.int32(bin_ + np.float32(1)) - np.int32(1)
-                    lower = min(lower, np.int32(count - 1))
-                    at[col] = (base + lower) * np.int32(len(lanes))
-                    share[col] = bin_ - np.float32(lower)
-                start = row * cols * len(lanes)
+                        tangent = _arctangent(tangent)
+                        squared += across * across
+                    number = min(max(scale * tangent + offset + np.float32(1), np.float32(0)), end)
+                    at[col] = np.int32(number)
+                    share[col] = number - np.float32(at[col])
+                    weight[col] = np.float32(1) / squared
                 for col in range(cols):
-                    _add_between(image, start, col, views, at, share, weight, lanes)
+                    _add_between(image, row * cols * size, col, views, base, at, share, weight, lanes)

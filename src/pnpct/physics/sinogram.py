@@ -137,8 +137,7 @@ def _smooth(transmission: Rays, geometry: FanBeam, smoothing: float) -> Rays:
     steps = np.diff(np.unique((angles % (2 * np.pi)).round(9)))
     step = float(np.median(steps)) if steps.size else math.inf
     # Few views are far apart: their neighbours see something else, and would blur the object.
-    bin_at_isocenter = geometry.bin_width * geometry.source_to_isocenter / geometry.source_to_detector
-    step = min(step, bin_at_isocenter / (geometry.field_of_view_radius / 2))
+    step = min(step, geometry.bin_width_at_isocenter / (geometry.field_of_view_radius / 2))
     numbers = np.arange(geometry.bins)
     over_views = _gaussian(apart / (smoothing * step), transmission)
     over_bins = _gaussian((numbers[:, None] - numbers) / smoothing, transmission)

@@ -1,16 +1,15 @@
 """Filtered back-projection of a fan beam, for any set of views."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from numpy.typing import NDArray
-from torch import Tensor
 
 from pnpct.arrays import Image, Rays
-from pnpct.geometry import FanBeam
+from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import FanBackprojector, Kernel, Projector, ramp_filter
 
 GAP = 1.5
@@ -40,28 +39,50 @@ def fbp(line_integrals: Rays, projector: Projector, *, kernel: Kernel = "ram-lak
     References:
         Kak and Slaney (2001), sections 3.4.1 and 3.4.2; Parker, Med. Phys. 9 (1982) 254.
     """
-    share = torch.from_numpy(measured_share(projector.geometry)).to(line_integrals)
-    shared, geometry = _with_both_sides(line_integrals * share, projector.geometry)
-    back_project = FanBackprojector(projector.grid, geometry)
-    equiangular = geometry.detector == "arc"
-    distance = geometry.source_to_isocenter
-    # On a flat detector the bins are taken at the isocentre, where lengths are those of the image.
-    at_isocenter = geometry.bin_width * distance / geometry.source_to_detector
-    spacing = float(np.diff(geometry.fan_angles[:2])[0]) if equiangular and geometry.bins > 1 else at_isocenter
-    weight = np.cos(geometry.fan_angles) * view_steps(geometry)[:, None] * distance
+    prepared = _prepare(projector.grid, projector.geometry)
+    line_integrals = line_integrals * prepared.weight.to(line_integrals)
     filtered = ramp_filter(
-        shared * torch.from_numpy(weight).to(shared), spacing=spacing, equiangular=equiangular, kernel=kernel
+        torch.nn.functional.pad(line_integrals, prepared.padding),
+        spacing=prepared.spacing,
+        equiangular=projector.geometry.detector == "arc",
+        kernel=kernel,
     )
-    scale = (1.0 if equiangular else distance) / projector.mu_water
-    return back_project(filtered) * scale
+    return prepared.back_project(filtered) * (prepared.scale / projector.mu_water)
 
 
-def _with_both_sides(rays: Rays, geometry: FanBeam) -> tuple[Float[Tensor, "*batch views more_bins"], FanBeam]:
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """What FBP needs to know of a geometry: weights of the rays, empty bins to add, spacing, and the scale."""
+
+    weight: Rays
+    padding: tuple[int, int]
+    spacing: float
+    scale: float
+    back_project: FanBackprojector
+
+
+@lru_cache(maxsize=4)
+def _prepare(grid: ImageGrid, geometry: FanBeam) -> _Prepared:
+    distance, arc = geometry.source_to_isocenter, geometry.detector == "arc"
+    wide, padding = _with_both_sides(geometry)
+    weight = measured_share(geometry) * np.cos(geometry.fan_angles) * view_steps(geometry)[:, None] * distance
+    # On a flat detector the bins are taken at the isocentre, where lengths are those of the image.
+    spacing = float(np.diff(geometry.fan_angle_edges[:2])[0]) if arc else geometry.bin_width_at_isocenter
+    return _Prepared(
+        weight=torch.from_numpy(weight).float(),
+        padding=padding,
+        spacing=spacing,
+        scale=1.0 if arc else distance,
+        back_project=FanBackprojector(grid, wide),
+    )
+
+
+def _with_both_sides(geometry: FanBeam) -> tuple[FanBeam, tuple[int, int]]:
     """Add empty bins to the shorter side of the fan: a truncated view has filtered values beyond its end."""
     low, high = -geometry.fan_angle_edges[0], geometry.fan_angle_edges[-1]
     missing = round(abs(low - high) / (low + high) * geometry.bins)
     if missing <= 1:  # a quarter-detector offset
-        return rays, geometry
+        return geometry, (0, 0)
     before, after = (missing, 0) if low < high else (0, missing)
     if geometry.detector == "arc":
         pitch = geometry.fan_angle_edges[1] - geometry.fan_angle_edges[0]
@@ -70,7 +91,7 @@ def _with_both_sides(rays: Rays, geometry: FanBeam) -> tuple[Float[Tensor, "*bat
     else:
         offset = geometry.detector_offset + (after - before) / 2
     wide = replace(geometry, bins=geometry.bins + missing, detector_offset=offset)
-    return torch.nn.functional.pad(rays, (before, after)), wide
+    return wide, (before, after)
 
 
 def view_steps(geometry: FanBeam) -> NDArray[np.float64]:

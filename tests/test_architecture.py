@@ -1,0 +1,20 @@
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FILES = [path.relative_to(ROOT) for folder in ("src", "tests") for path in sorted((ROOT / folder).rglob("*.py"))]
+
+
+@pytest.mark.parametrize("file", FILES, ids=str)
+def test_files_are_short(file: Path):
+    assert len((ROOT / file).read_text().splitlines()) <= 300
+
+
+def test_the_paper_is_a_file():
+    assert len((ROOT / "src/pnpct/reconstruction/pnp_admm.py").read_text().splitlines()) <= 150
+
+
+def test_the_package_imports_nothing_at_its_root():
+    lines = (ROOT / "src/pnpct/__init__.py").read_text().splitlines()
+    assert [line for line in lines if line.startswith(("import", "from"))] == ["from importlib.metadata import version"]
