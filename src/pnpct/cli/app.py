@@ -1,0 +1,116 @@
+"""The program `pnpct`: finds the command, and turns what goes wrong into one line."""
+
+import difflib
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import version
+
+from pnpct.cli.parsing import UsageError, parse
+from pnpct.cli.terminal import complain, say
+
+COMMANDS = {
+    "simulate": "Simulate a scan of a chest.",
+    "import arrays": "Make a scan of counts or line integrals in numpy files.",
+    "import catsim": "Make a scan of the raw files of CatSim.",
+    "reconstruct": "Reconstruct the image of a scan.",
+    "evaluate": "Compare an image with the truth.",
+    "info": "Say what is in a file.",
+    "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
+}
+"""The commands, each in the module of its name with _ for spaces, which is imported only when it is asked for."""
+
+_OUT_OF_MEMORY = ("out of memory", "can't allocate memory", "Storage size calculation overflowed")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program.
+
+    Args:
+        argv: The words after the program's name; those of this process if None.
+
+    Returns:
+        The exit status: 0, 2 after a mistake that one line on stderr has explained, 130 after Ctrl-C. An
+        exception that comes out of here is a bug.
+    """
+    try:
+        run(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        complain("interrupted.")
+        return 130
+    except BrokenPipeError:
+        _give_up_stdout()  # whoever reads our lines has read enough
+    except SystemExit as leave:
+        return int(leave.code or 0)  # tyro has shown its help
+    except (OSError, ValueError) as error:
+        complain(_sentence(error))
+        _give_up_stdout()
+        return 2
+    except (MemoryError, RuntimeError) as error:
+        if not isinstance(error, MemoryError) and not any(words in str(error) for words in _OUT_OF_MEMORY):
+            raise
+        complain("the memory does not suffice; ask for fewer pixels, or use a larger machine.")
+        return 2
+    return 0
+
+
+def run(words: Sequence[str]) -> None:
+    """Run one command, or show what there is, as `main` does; what goes wrong is an exception.
+
+    Args:
+        words: The words after the program's name.
+    """
+    first = words[0] if words else "--help"
+    if first in ("-h", "--help"):
+        say(_overview(COMMANDS))
+    elif first == "--version":
+        say(version("pnpct"))
+    elif first == "import" and (len(words) == 1 or words[1] in ("-h", "--help")):
+        say(_overview([command for command in COMMANDS if command.startswith("import ")]))
+    else:
+        command, rest = _find(words)
+        module = import_module(f"pnpct.cli.{command.replace(' ', '_')}")
+        chosen = getattr(module, command.title().replace(" ", ""))
+        parse(chosen, rest, program=f"pnpct {command}").run(["pnpct", *words])
+
+
+def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
+    """The command at the beginning of the words, and the words after it."""
+    for length in (1, 2):
+        if (command := " ".join(words[:length])) in COMMANDS:
+            return command, words[length:]
+    asked = " ".join(words[: 2 if words[0] == "import" else 1])
+    near = [command for command in COMMANDS if command.startswith(f"{words[0]} ")]
+    near = near or difflib.get_close_matches(asked, COMMANDS, n=1) or [*COMMANDS]
+    raise UsageError(f'there is no command "{asked}"; there {"is" if len(near) == 1 else "are"} {", ".join(near)}.')
+
+
+def _overview(commands: Sequence[str] | dict[str, str]) -> str:
+    lines = [f"  {command:14} {COMMANDS[command]}" for command in commands]
+    return "\n".join(
+        [
+            "usage: pnpct COMMAND ...",
+            "",
+            "Plug-and-play reconstruction for low-dose CT.",
+            "",
+            *lines,
+            "",
+            "pnpct COMMAND --help says more; pnpct --version says which version this is.",
+        ]
+    )
+
+
+def _give_up_stdout() -> None:
+    """Drop the lines that cannot be written, so that the interpreter does not try again when it ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _sentence(error: OSError | ValueError) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'the output'}: {error.strerror}."
+    return str(error)

@@ -1,0 +1,72 @@
+"""The one file that a command writes, and its sidecar."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from pnpct.arrays import Image
+from pnpct.cli.terminal import say
+from pnpct.files import Provenance, atomic_path, write_scan, write_sidecar
+from pnpct.geometry import ImageGrid
+from pnpct.physics import Scan
+
+SCANS = (".h5",)
+IMAGES = (".h5", ".nii", ".nii.gz", ".png")
+NUMBERS = (".json",)
+PICTURES = (".png",)
+
+
+class _WritableError(Exception):
+    pass
+
+
+def check_output(path: Path, suffixes: Sequence[str], *, inputs: Sequence[Path] = ()) -> None:
+    """Find out before the work, not after it, that an artefact could not be written.
+
+    Args:
+        path: Where it shall be, with its sidecar <path>.json beside it.
+        suffixes: The endings that its name may have.
+        inputs: Files that it must not replace.
+
+    Raises:
+        ValueError: If the name has another ending, or is that of an input.
+        OSError: If the file or its sidecar cannot be written.
+    """
+    if not path.name.lower().endswith(tuple(suffixes)):
+        raise ValueError(f"{path}: the name of what is written must end in {', '.join(suffixes)}.")
+    sidecar = path.with_name(path.name + ".json")
+    for target in (path, sidecar):
+        for source in inputs:
+            if source.exists() and target.resolve() == source.resolve():
+                raise ValueError(f"{target} is an input and would be replaced; choose another name for the output.")
+        with suppress(_WritableError), atomic_path(target):
+            raise _WritableError  # it has checked the path; nothing is written yet
+
+
+def finish(path: Path, provenance: Provenance, *, summary: str) -> None:
+    """Put the sidecar beside an artefact that has just been written, and say where it is.
+
+    Raises:
+        OSError: If the sidecar cannot be written.
+    """
+    write_sidecar(path, provenance)
+    say(f"Wrote {path}: {summary}.")
+
+
+def finish_scan(
+    path: Path, scan: Scan, *, provenance: Provenance, truth: tuple[Image, ImageGrid] | None = None
+) -> None:
+    """Write a scan and its sidecar, and say where it is.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    write_scan(path, scan, provenance=provenance, truth=truth)
+    views, bins = scan.geometry.shape
+    finish(path, provenance, summary=f"{views} views of {bins} bins{', and the truth' if truth else ''}")
+
+
+def file_of(array: Path) -> Path:
+    """Return the file that holds an array, which may be named like scan.npz:counts."""
+    file, member, _ = str(array).partition(".npz:")
+    return Path(file + ".npz") if member else array

@@ -1,0 +1,36 @@
+"""The images of `pnpct demo` against the truth: a table, its file, and a picture."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pnpct.cli.panels import write_panels
+from pnpct.cli.scores import say_scores, write_scores
+from pnpct.cli.truth import truth_of
+from pnpct.evaluation import evaluate
+from pnpct.files import Provenance, read_image
+
+
+def compare(scan: Path, files: Mapping[str, Path], *, numbers: Path, picture: Path, provenance: Provenance) -> None:
+    """Evaluate images, show the numbers and write them, and draw some images beside the truth.
+
+    Args:
+        scan: The scan with the truth inside.
+        files: The images by name. Of those whose names begin with fbp only the best is drawn.
+        numbers: Where the numbers shall be, .json.
+        picture: Where the picture shall be, .png.
+        provenance: How all this is made.
+
+    Raises:
+        OSError: If a file cannot be read or written.
+        ValueError: If a file is not what it should be.
+    """
+    truth, _ = truth_of(scan)
+    images = {name: read_image(file)[0] for name, file in files.items()}
+    scores = {name: evaluate(image, truth) for name, image in images.items()}
+    say_scores(scores)
+    write_scores(numbers, scores)
+    errors = {name: values["soft_tissue_rmse_hu"] for name, values in scores.items()}
+    best_fbp = min((name for name in errors if name.startswith("fbp")), key=errors.__getitem__)
+    shown = [best_fbp, *(name for name in errors if not name.startswith("fbp"))]
+    titles = {f"{name}: {errors[name]:.1f} HU RMS error in soft tissue": images[name] for name in shown}
+    write_panels(picture, {"truth": truth, **titles}, provenance=provenance)

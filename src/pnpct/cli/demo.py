@@ -1,0 +1,58 @@
+"""`pnpct demo`: what the other commands do, one after the other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from pnpct.cli.app import run
+from pnpct.cli.artefact import NUMBERS, PICTURES, check_output, finish
+from pnpct.cli.comparison import compare
+from pnpct.cli.terminal import say
+from pnpct.files import record_run
+
+METHODS = {"fbp-hann": "--method fbp --kernel hann", "fbp-soft": "--method fbp --kernel soft", "pnp": "--denoiser tv"}
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Simulate, reconstruct and evaluate one low-dose slice, in minutes.
+
+    A chest is reconstructed by filtered back-projection with two kernels and by plug-and-play ADMM with total
+    variation. comparison.png shows the truth, the better of the first two, and the third.
+
+    Args:
+        folder: Where all files shall be; it is made.
+        tube_current_ma: Tube current, mA.
+        views: Views of the scan.
+        size: Rows and columns of the images.
+        seed: Seed of the patient and of the noise.
+    """
+
+    folder: Positional[Path] = Path("demo")
+    tube_current_ma: float = 40.0
+    views: int = 984
+    size: int = 512
+    seed: int = 0
+
+    def run(self, command: Sequence[str]) -> None:
+        """Run the commands, and write numbers and a picture."""
+        self.folder.mkdir(exist_ok=True)
+        scan, numbers, picture = (self.folder / name for name in ("scan.h5", "metrics.json", "comparison.png"))
+        check_output(numbers, NUMBERS)
+        check_output(picture, PICTURES)
+        dose = f"--tube-current-ma {self.tube_current_ma} --views {self.views} --size {self.size} --seed {self.seed}"
+        _call("simulate", scan, options=dose)
+        files = {name: self.folder / f"{name}.h5" for name in METHODS}
+        for name, options in METHODS.items():
+            _call("reconstruct", scan, files[name], options=options)
+        provenance = record_run(command, inputs=[scan, *files.values()], seed=self.seed)
+        compare(scan, files, numbers=numbers, picture=picture, provenance=provenance)
+        finish(numbers, provenance, summary="how far each image is from the truth")
+        finish(picture, provenance, summary="the truth, the better FBP image and that of plug-and-play")
+
+
+def _call(command: str, *files: Path, options: str) -> None:
+    say(f"\n$ pnpct {command} {' '.join(map(str, files))} {options}")
+    run([command, *map(str, files), *options.split()])

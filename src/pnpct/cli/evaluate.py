@@ -1,0 +1,43 @@
+"""`pnpct evaluate`: from an image and the truth to numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from pnpct.cli.artefact import NUMBERS, check_output, finish
+from pnpct.cli.scores import say_scores, write_scores
+from pnpct.cli.truth import check_same_grid, truth_of
+from pnpct.evaluation import evaluate
+from pnpct.files import read_image, record_run
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Compare an image with the truth.
+
+    Errors are in HU; psnr (dB) and ssim are those in the window from -160 to 240 HU.
+
+    Args:
+        image: The image, .h5, .nii or .nii.gz.
+        truth: The truth, on the same grid: an image, or a scan with its truth inside.
+        numbers: Where the numbers shall be, .json; they are shown in any case.
+    """
+
+    image: Positional[Path]
+    truth: Positional[Path]
+    numbers: Positional[Path | None] = None
+
+    def run(self, command: Sequence[str]) -> None:
+        """Compare, show the numbers, and write them."""
+        if self.numbers:
+            check_output(self.numbers, NUMBERS, inputs=[self.image, self.truth])
+        (image, grid), (truth, truth_grid) = read_image(self.image), truth_of(self.truth)
+        check_same_grid(grid, truth_grid)
+        values = evaluate(image, truth)
+        say_scores({self.image.name: values})
+        if self.numbers:
+            write_scores(self.numbers, values)
+            provenance = record_run(command, inputs=[self.image, self.truth])
+            finish(self.numbers, provenance, summary=f"{len(values)} numbers")

@@ -1,0 +1,54 @@
+"""Where the pixels shall be."""
+
+import math
+from pathlib import Path
+
+from pnpct.files import read_truth
+from pnpct.geometry import FanBeam, ImageGrid
+
+SIZE = 512
+
+
+def square_grid(size: int, field_of_view: float, *, center: tuple[float, float] = (0.0, 0.0)) -> ImageGrid:
+    """Return a square grid.
+
+    Args:
+        size: Rows and columns, at least 1.
+        field_of_view: Side of the square, mm, > 0.
+        center: Its middle, mm.
+
+    Raises:
+        ValueError: If a number is out of its range.
+    """
+    if size < 1:
+        raise ValueError(f"The size of an image must be at least one pixel, got {size}.")
+    if not (math.isfinite(field_of_view) and field_of_view > 0):
+        raise ValueError(f"The field of view must be a positive length in mm, got {field_of_view}.")
+    return ImageGrid(size, size, field_of_view / size, center)
+
+
+def grid_for(scan: Path, geometry: FanBeam, *, size: int | None, field_of_view: float | None) -> ImageGrid:
+    """Return the grid for a reconstruction.
+
+    Where a number is not given it is that of the truth in the scan, if there is one; else the grid has 512 rows and
+    columns over the circle that the fan sees.
+
+    Args:
+        scan: File of the scan.
+        geometry: Its geometry.
+        size: Rows and columns.
+        field_of_view: Side of the square, mm.
+
+    Raises:
+        OSError: If the scan cannot be read.
+        ValueError: If a number is out of its range, or the truth in the scan is not whole.
+    """
+    known = read_truth(scan)
+    usual = known[1] if known else square_grid(SIZE, 2 * geometry.field_of_view_radius)
+    if size is None and field_of_view is None:
+        return usual
+    return square_grid(
+        usual.cols if size is None else size,
+        usual.cols * usual.spacing if field_of_view is None else field_of_view,
+        center=usual.center,
+    )

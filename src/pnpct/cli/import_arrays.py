@@ -1,0 +1,59 @@
+"""`pnpct import arrays`: from arrays of numpy and a geometry to a scan."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional
+
+from pnpct.cli.artefact import SCANS, check_output, file_of, finish_scan
+from pnpct.cli.parsing import option
+from pnpct.files import record_run, scan_from_arrays
+from pnpct.units import MU_WATER_70_KEV
+
+
+@dataclass(frozen=True)
+class ImportArrays:
+    """Make a scan of counts or line integrals in numpy files, and of a geometry in JSON.
+
+    One array of several in a file is named as in scan.npz:counts. pnpct.files.geometry_json has the geometry's keys.
+
+    Args:
+        array: Counts or line integrals, views x bins, .npy or .npz.
+        geometry: The geometry, .json.
+        scan: Where the scan shall be, .h5.
+        incident: Counts expected without an object: a number, or a file with one for each bin, view or ray.
+        kind: What the array holds; line integrals are -ln(counts/incident).
+        electronic_noise: Standard deviation of the electronic noise of a count, quanta.
+        mu_water: Attenuation of water at the effective energy, 1/mm; the default is that at 70 keV.
+        beam_hardening: Coefficients of the correction, bins x powers, the highest power first.
+        signal_per_quantum: What one quantum adds to counts and incident; 1 if these are quanta.
+    """
+
+    array: Positional[Path]
+    geometry: Positional[Path]
+    scan: Positional[Path]
+    incident: Annotated[float | Path, option(metavar="NUMBER|FILE")]
+    kind: Literal["line-integrals", "counts"] = "line-integrals"
+    electronic_noise: float = 0.0
+    mu_water: float = MU_WATER_70_KEV
+    beam_hardening: Annotated[Path | None, option(default="no correction")] = None
+    signal_per_quantum: float = 1.0
+
+    def run(self, command: Sequence[str]) -> None:
+        """Read, and write the scan."""
+        arrays = [path for path in (self.array, self.incident, self.beam_hardening) if isinstance(path, Path)]
+        inputs = [self.geometry, *map(file_of, arrays)]
+        check_output(self.scan, SCANS, inputs=inputs)
+        scan = scan_from_arrays(
+            self.array,
+            self.geometry,
+            kind=self.kind,
+            incident=self.incident,
+            electronic_noise=self.electronic_noise,
+            mu_water=self.mu_water,
+            beam_hardening=self.beam_hardening,
+            signal_per_quantum=self.signal_per_quantum,
+        )
+        finish_scan(self.scan, scan, provenance=record_run(command, inputs=inputs))

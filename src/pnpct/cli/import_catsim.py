@@ -1,0 +1,58 @@
+"""`pnpct import catsim`: from the raw files of CatSim to a scan."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional
+
+from pnpct.cli.artefact import SCANS, check_output, file_of, finish_scan
+from pnpct.cli.parsing import option
+from pnpct.files import record_run, scan_from_catsim
+from pnpct.units import MU_WATER_70_KEV
+
+
+@dataclass(frozen=True)
+class ImportCatsim:
+    """Make a scan of the raw files of CatSim: an axial scan, one detector row of it.
+
+    Args:
+        prefix: Path of the raw files without .scan, .prep, .air and .offset.
+        scan: Where the scan shall be, .h5.
+        configuration: CatSim's configuration files, later ones overriding earlier ones; or one JSON file with its keys.
+        signal: raw takes .scan, .air and .offset; prep takes .prep, in which CatSim has corrected low signals.
+        detector_row: Number of the row, from 0.
+        kev_per_quantum: Energy that counts as one quantum, keV.
+        incident: Quanta per ray without an object.
+        mu_water: Attenuation of water at the effective energy, 1/mm; the default is that at 70 keV.
+        beam_hardening: File of numpy with the coefficients of the correction, columns x powers, highest power first.
+    """
+
+    prefix: Positional[Path]
+    scan: Positional[Path]
+    configuration: tuple[Path, ...]
+    signal: Literal["raw", "prep"] = "raw"
+    detector_row: Annotated[int | None, option(default="the middle one")] = None
+    kev_per_quantum: float = 70.0
+    incident: Annotated[float | None, option(default="those of the air scan")] = None
+    mu_water: float = MU_WATER_70_KEV
+    beam_hardening: Annotated[Path | None, option(default="no correction")] = None
+
+    def run(self, command: Sequence[str]) -> None:
+        """Read, and write the scan."""
+        raw = [Path(f"{self.prefix}.{suffix}") for suffix in ("scan", "prep", "air", "offset")]
+        inputs = [*(path for path in raw if path.is_file()), *self.configuration]
+        inputs += [file_of(self.beam_hardening)] if self.beam_hardening else []
+        check_output(self.scan, SCANS, inputs=inputs)
+        scan = scan_from_catsim(
+            self.prefix,
+            configuration=self.configuration,
+            signal=self.signal,
+            detector_row=self.detector_row,
+            kev_per_quantum=self.kev_per_quantum,
+            incident=self.incident,
+            mu_water=self.mu_water,
+            beam_hardening=self.beam_hardening,
+        )
+        finish_scan(self.scan, scan, provenance=record_run(command, inputs=inputs))

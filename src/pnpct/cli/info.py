@@ -1,0 +1,50 @@
+"""`pnpct info`: what is in a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tyro.conf import Positional
+
+from pnpct.cli.terminal import say
+from pnpct.files import describe_file
+
+
+@dataclass(frozen=True)
+class Info:
+    """Say what is in a scan or an image of pnpct, and how it was made.
+
+    Args:
+        file: The file, .h5.
+    """
+
+    file: Positional[Path]
+
+    def run(self, command: Sequence[str]) -> None:  # noqa: ARG002 - nothing is written that could name it
+        """Describe the file."""
+        content = describe_file(self.file)
+        say(f"{self.file}: {content['format']}, version {content['format_version']}")
+        if content["description"]:
+            say(content["description"])
+        _say_section("all of it", content["attributes"].pop("/", {}))
+        _say_section("made by", {**content["provenance"], "command": " ".join(content["provenance"]["command"])})
+        for name, array in content["arrays"].items():
+            shape = " x ".join(map(str, array["shape"])) or "one number"
+            _say_section(
+                name,
+                {
+                    "holds": f"{shape}, {array['type']}",
+                    "units": array["units"],
+                    "is": array["description"],
+                    **content["attributes"].pop(name, {}),
+                },
+            )
+        for name, attributes in content["attributes"].items():
+            _say_section(name, attributes)
+
+
+def _say_section(title: str, values: Mapping[str, Any]) -> None:
+    lines = [f"  {name}: {value}" for name, value in values.items() if value not in ("", None, {}, [])]
+    if lines:
+        say("\n".join(["", title, *lines]))

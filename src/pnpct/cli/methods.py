@@ -1,0 +1,154 @@
+"""The methods of `pnpct reconstruct`, each with the options that have an effect on it."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from pnpct.arrays import Image
+from pnpct.cli.terminal import track, working
+from pnpct.denoisers import make_denoiser
+from pnpct.operators import Kernel, Projector
+from pnpct.physics import Sinogram
+from pnpct.reconstruction import (
+    STOP_RULES,
+    ADMMState,
+    RuleName,
+    SolverName,
+    beta_from_sigma_v,
+    fbp,
+    pnp_admm,
+    sigma_v_from_beta,
+    solver_by_name,
+    tv_pwls,
+    until,
+)
+from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
+from pnpct.reconstruction.pnp_admm import BETA
+from pnpct.reconstruction.reconstruct import ITERATIONS
+from pnpct.reconstruction.solvers import ITERATIVE
+from pnpct.reconstruction.tv_pwls import STRENGTH
+
+TV_STRENGTH = 1000 * STRENGTH
+"""λ of the method tv, HU × pixel."""
+
+STRENGTHS = {"tv": TV_STRENGTH / BETA, "nonlocal-means": 70.0, "gaussian": 1.0}
+"""Strength of each denoiser, in its unit, that suits a body at a low dose; with tv the image is that of the method."""
+
+Reconstructed = tuple[Image, dict[str, Any]]
+"""An image, and the settings that mattered for it."""
+
+Method = Callable[[Sinogram, Projector], Reconstructed]
+
+
+@dataclass(frozen=True)
+class FilteredBackProjection:
+    """Filtered back-projection; the kernels go from sharp to smooth."""
+
+    kernel: Kernel = "hann"
+
+    def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
+        """Return the image."""
+        with working("Filtered back-projection"):
+            return fbp(sinogram.line_integrals, projector, kernel=self.kernel), asdict(self)
+
+
+@dataclass(frozen=True)
+class PlugAndPlay:
+    """Plug-and-play ADMM from a smooth FBP image on; `strength` is that of `STRENGTHS` if it is None."""
+
+    denoiser: str = "tv"
+    strength: float | None = None
+    beta: float | None = None
+    sigma_v: float | None = None
+    iterations: int = ITERATIONS
+    solver: SolverName = "fourier"
+    inner_iterations: int | None = None
+    stop: RuleName = "relative"
+
+    def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
+        """Return the image, the denoised iterate."""
+        if self.beta is not None and self.sigma_v is not None:
+            raise ValueError("--beta and --sigma-v say one thing in two units; give one of them.")
+        strength = _checked(STRENGTHS.get(self.denoiser, 0.0) if self.strength is None else self.strength)
+        denoise = make_denoiser(self.denoiser, strength)
+        solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
+        beta = BETA if self.beta is None else self.beta
+        beta = beta if self.sigma_v is None else beta_from_sigma_v(self.sigma_v, sinogram, projector)
+        start = _start(sinogram, projector)
+        states = pnp_admm(sinogram, projector, denoise, start, beta=beta, solver=solver)
+        image, how_far = _last(states, start, self.iterations, self.stop)
+        settings = {**asdict(self), **how_far, "strength": strength, "beta": beta}
+        del settings["sigma_v"]
+        settings["sigma_v_hu"] = sigma_v_from_beta(beta, sinogram, projector)
+        if self.inner_iterations is None and self.solver in ITERATIVE:
+            settings["inner_iterations"] = INNER_ITERATIONS
+        return image, settings
+
+
+@dataclass(frozen=True)
+class TotalVariationLeastSquares:
+    """Penalised weighted least squares with total variation, by ADMM from a smooth FBP image on."""
+
+    strength: float = TV_STRENGTH
+    beta: float = BETA
+    iterations: int = ITERATIONS
+    stop: RuleName = "relative"
+
+    def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
+        """Return the image."""
+        if not 0 < self.beta < math.inf:
+            raise ValueError(f"beta must be a positive number, got {self.beta}.")
+        start = _start(sinogram, projector)
+        states = tv_pwls(sinogram, projector, start, strength=_checked(self.strength) / 1000, beta=self.beta)
+        image, how_far = _last(states, start, self.iterations, self.stop)
+        return image, {**asdict(self), **how_far}
+
+
+METHODS: dict[str, type[FilteredBackProjection | PlugAndPlay | TotalVariationLeastSquares]] = {
+    "fbp": FilteredBackProjection,
+    "pnp": PlugAndPlay,
+    "tv": TotalVariationLeastSquares,
+}
+
+
+def make_method(name: str, options: Mapping[str, Any]) -> Method:
+    """Return a method with its options.
+
+    Args:
+        name: One of `METHODS`.
+        options: The options that were given.
+
+    Raises:
+        ValueError: If an option has no effect on this method.
+    """
+    for option in options:
+        if option not in _options_of(name):
+            others = " or ".join(other for other in METHODS if option in _options_of(other))
+            spelled = option.replace("_", "-")
+            raise ValueError(f"--{spelled} has no effect on --method {name}, but on {others}; leave out one of them.")
+    return METHODS[name](**options)
+
+
+def _options_of(name: str) -> set[str]:
+    return {field.name for field in fields(METHODS[name])}
+
+
+def _checked(strength: float) -> float:
+    # Here, since the denoisers would say it in units of the image.
+    if not 0 <= strength < math.inf:
+        raise ValueError(f"The strength must be a number from 0 up, got {strength:g}.")
+    return strength
+
+
+def _start(sinogram: Sinogram, projector: Projector) -> ADMMState:
+    image, _ = FilteredBackProjection("soft")(sinogram, projector)
+    return ADMMState.start(image)
+
+
+def _last(states: Iterator[ADMMState], start: ADMMState, iterations: int, stop: RuleName) -> Reconstructed:
+    """Iterate with a bar on the terminal; return the image, and how far it went and why no further."""
+    last, done = start, 0
+    for state in track(until(states, start, iterations=iterations, stop=STOP_RULES[stop]), total=iterations, of="ADMM"):
+        last, done = state, done + 1
+    return last.v, {"iterations_done": done, "stopped_by": stop if done < iterations else "iterations"}

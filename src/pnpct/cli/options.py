@@ -1,0 +1,61 @@
+"""The options of `pnpct reconstruct` that choose and tune the method."""
+
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal
+
+from pnpct.cli.methods import (
+    STRENGTHS,
+    TV_STRENGTH,
+    FilteredBackProjection,
+    Method,
+    PlugAndPlay,
+    make_method,
+)
+from pnpct.cli.parsing import option
+from pnpct.denoisers import DENOISERS
+from pnpct.operators import Kernel
+from pnpct.reconstruction import RuleName, SolverName
+from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
+from pnpct.reconstruction.pnp_admm import BETA
+
+_STRENGTH = ", ".join(f"{number:g} for {name}" for name, number in STRENGTHS.items())
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodOptions:
+    """The method and its options, None where they were not given: only then they may have no effect.
+
+    Args:
+        method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation.
+        kernel: Filter of fbp, from sharp to smooth.
+        denoiser: Denoiser of pnp.
+        strength: How much pnp and tv smooth; in HU times pixels for tv, HU of noise for nonlocal-means, pixels for
+            gaussian. It was chosen for a body at a low dose.
+        beta: Penalty of pnp and tv, relative to the mean diagonal of the normal equations.
+        sigma_v: The penalty of pnp in other words, instead of beta: how well the denoised image is known, HU.
+        iterations: Most iterations of pnp and tv.
+        solver: Solver of the data step of pnp.
+        inner_iterations: Steps of the solver in each iteration of pnp.
+        stop: Rule that ends pnp and tv before: relative at convergence, paper after a few iterations.
+    """
+
+    method: Literal["fbp", "pnp", "tv"] = "pnp"
+    kernel: Annotated[Kernel | None, option(default=FilteredBackProjection.kernel)] = None
+    denoiser: Annotated[str | None, option(default=PlugAndPlay.denoiser, metavar=f"{{{','.join(DENOISERS)}}}")] = None
+    strength: Annotated[float | None, option(default=f"{_STRENGTH}; {TV_STRENGTH:g} for the method tv")] = None
+    beta: Annotated[float | None, option(default=BETA)] = None
+    sigma_v: float | None = None
+    iterations: Annotated[int | None, option(default=PlugAndPlay.iterations)] = None
+    solver: Annotated[SolverName | None, option(default=PlugAndPlay.solver)] = None
+    inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None
+    stop: Annotated[RuleName | None, option(default=PlugAndPlay.stop)] = None
+
+    def chosen_method(self) -> Method:
+        """Return the method with the options that were given.
+
+        Raises:
+            ValueError: If one of them has no effect on it.
+        """
+        values: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(MethodOptions)}
+        del values["method"]
+        return make_method(self.method, {name: value for name, value in values.items() if value is not None})

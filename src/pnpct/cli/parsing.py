@@ -1,0 +1,71 @@
+"""From words to a command, by its annotations and its docstring."""
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from typing import Any, TypeVar
+
+import tyro
+
+Command = TypeVar("Command")
+
+
+class UsageError(ValueError):
+    """The words on the command line are not what was needed."""
+
+
+def option(*, default: object = None, metavar: str | None = None) -> Any:
+    """Annotate an option.
+
+    Args:
+        default: What the help shows as the default of an option that is None when it is not given.
+        metavar: What the help shows for its value.
+    """
+    hint = None if default is None else f"(default: {default})"
+    return tyro.conf.arg(help_behavior_hint=hint, metavar=metavar)
+
+
+def parse(command: type[Command], words: Sequence[str], *, program: str) -> Command:
+    """Make a command from the words that follow its name.
+
+    Args:
+        command: A dataclass whose docstring says what its fields mean.
+        words: The words.
+        program: The words before them.
+
+    Raises:
+        UsageError: If a word is unknown, missing or impossible.
+        SystemExit: After the help was asked for and shown.
+    """
+    complaint = io.StringIO()
+    markers = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
+    try:
+        with redirect_stderr(complaint):
+            return tyro.cli(command, prog=program, args=words, config=markers)
+    except SystemExit as leave:
+        if not leave.code:
+            raise
+    raise UsageError(f"{_unboxed(complaint.getvalue())} See {program} --help.")
+
+
+def _unboxed(complaint: str) -> str:
+    """The message in a box that tyro has drawn, without its title and what follows the first line across."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", complaint)
+    rows = [re.sub(r"^[│ ]|│$", "", row).rstrip() for row in plain.splitlines()[1:]]
+    across = [number for number, row in enumerate(rows) if row and not row.strip(" ─-")]
+    # Where a terminal has no lines to draw with, the title is underlined.
+    first = 1 if across[:1] == [0] else 0
+    message = rows[first : next((number for number in across if number >= first), len(rows))]
+    if message[:1] and message[0].startswith(" Missing from"):
+        # Then follow the names, four spaces in, and their help, eight.
+        names = [row.strip() for row in message if re.match(r" {5}\S", row)]
+        return f"missing: {', '.join(names)}."
+    text = " ".join(" ".join(message).split()).removeprefix("Error parsing ")
+    # tyro's order of the choices is that of a set, and None is what an option is that was not given.
+    text = re.sub(r"\(('.*')\)", lambda found: ", ".join(sorted({*found[1].split(", ")} - {"'None'"})), text)
+    text = re.sub(r": no type matching (\S+) could be instantiated from \[(.*?)\]\..*", r" needs \1, got \2.", text)
+    text = re.sub(r": invalid literal for int\(\) with base 10: (.*)", r" needs INT, got \1.", text)
+    text = re.sub(r": could not convert string to float: (.*)", r" needs FLOAT, got \1.", text)
+    text = text.replace(" needs INT,", " needs a whole number,").replace(" needs FLOAT,", " needs a number,")
+    return text if text.endswith(".") else text + "."

@@ -1,0 +1,54 @@
+"""`pnpct reconstruct`: from a scan to an image."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional
+
+from pnpct.cli.artefact import IMAGES, check_output, finish
+from pnpct.cli.devices import DeviceName, choose_device, on_device
+from pnpct.cli.grids import grid_for
+from pnpct.cli.options import MethodOptions
+from pnpct.cli.parsing import option
+from pnpct.cli.terminal import working
+from pnpct.files import read_scan, record_run, write_image
+from pnpct.operators import Projector
+from pnpct.physics import take_log
+
+_OF_TRUTH = "that of the truth in the scan; if there is none,"
+
+
+@dataclass(frozen=True)
+class Reconstruct(MethodOptions):
+    """Reconstruct the image of a scan.
+
+    Args:
+        scan: The scan, .h5.
+        image: Where the image shall be: .h5 to go on with, .nii or .nii.gz (HU) for viewers, .png to look at.
+        size: Rows and columns of the image.
+        field_of_view: Side of the image, mm.
+        device: Where to compute; auto takes a CUDA device if there is one.
+    """
+
+    scan: Positional[Path]
+    image: Positional[Path]
+    size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
+    field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan sees")] = None
+    device: DeviceName = "auto"
+
+    def run(self, command: Sequence[str]) -> None:
+        """Reconstruct, and write the image."""
+        check_output(self.image, IMAGES, inputs=[self.scan])
+        method, device = self.chosen_method(), choose_device(self.device)
+        scan = on_device(read_scan(self.scan), device)
+        grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view)
+        with working("Preparing"):
+            projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
+            sinogram = take_log(scan)
+        image, settings = method(sinogram, projector)
+        settings = {"method": self.method, **settings, "grid": asdict(grid), "device": device.type}
+        provenance = record_run(command, inputs=[self.scan], settings=settings)
+        write_image(self.image, image, grid, provenance=provenance)
+        finish(self.image, provenance, summary=f"{grid.rows} x {grid.cols} pixels of {grid.spacing:.4g} mm")

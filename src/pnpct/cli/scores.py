@@ -1,0 +1,48 @@
+"""What `evaluate` has measured, as a table and as a file."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from pnpct.cli.terminal import say
+from pnpct.files import atomic_path
+
+
+def say_scores(columns: Mapping[str, Mapping[str, float]]) -> None:
+    """Write a table to stdout.
+
+    Args:
+        columns: For each image the value of each metric.
+    """
+    table = Table("", box=box.SIMPLE_HEAD)
+    for name in columns:
+        table.add_column(name, justify="right")
+    for metric in next(iter(columns.values())):
+        table.add_row(metric, *(f"{values[metric]:.4g}" for values in columns.values()))
+    console = Console()
+    with console.capture() as written:  # rich itself would end the program when nobody reads on
+        console.print(table)
+    say(written.get().rstrip())
+
+
+def write_scores(path: Path, scores: Mapping[str, Any]) -> None:
+    """Write values by name, or several such tables by name, as JSON; null for infinity, which JSON does not know.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(_finite(scores), indent=1) + "\n")
+
+
+def _finite(scores: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: _finite(value) if isinstance(value, Mapping) else value if math.isfinite(value) else None
+        for name, value in scores.items()
+    }

@@ -1,0 +1,15 @@
+"""From `--seed` to generators of random numbers."""
+
+import numpy as np
+import torch
+
+
+def generators(seed: int) -> tuple[np.random.Generator, torch.Generator]:
+    """Return a generator of numpy and one of PyTorch, for different uses.
+
+    Raises:
+        ValueError: If the seed is not from 0 to 2^63 - 1.
+    """
+    if not 0 <= seed < 2**63:
+        raise ValueError(f"A seed is a whole number from 0 to 2^63 - 1, got {seed}.")
+    return np.random.default_rng(seed), torch.Generator().manual_seed(seed)

@@ -1,0 +1,43 @@
+"""What is said: results on stdout, mistakes and progress on stderr."""
+
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+
+def say(text: str) -> None:
+    """Write lines to stdout."""
+    sys.stdout.write(text + "\n")
+
+
+def complain(text: str) -> None:
+    """Write one line to stderr that begins with the program's name."""
+    sys.stderr.write(f"pnpct: {' '.join(text.split())}\n")
+    sys.stderr.flush()
+
+
+@contextmanager
+def working(on: str) -> Iterator[None]:
+    """Show on a terminal what is being worked on, until the block ends."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status(on) if console.is_terminal else nullcontext():
+        yield
+
+
+def track(items: Iterable[Item], *, total: int, of: str) -> Iterator[Item]:
+    """Yield the items with a bar on the terminal that disappears; it may end before the total."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(of, total=total)
+        for item in items:
+            progress.advance(task)
+            yield item

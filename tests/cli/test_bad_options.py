@@ -1,0 +1,123 @@
+"""Whatever is wrong on the command line and where it writes: exit status 2, one line that says it, no trace left."""
+
+import os
+import resource
+import subprocess
+import sys
+
+import pytest
+from mistakes import Case, check, contents, cut, with_folder, with_link, with_text
+
+from pnpct.cli import main
+
+GOOD = "reconstruct {made}/scan.h5 {here}/out.h5"
+ELSEWHERE = "reconstruct {made}/scan.h5 {here}/"
+SIMULATE = "simulate {here}/out.h5 --size 16 --views 4 --bins 8"
+
+OPTIONS = [
+    Case("an unknown denoiser", GOOD + " --denoiser bm3d", "denoiser bm3d tv nonlocal-means gaussian"),
+    Case("an unknown kernel", GOOD + " --method fbp --kernel sharp", "--kernel sharp ram-lak hann"),
+    Case("an unknown solver", GOOD + " --solver lu", "--solver lu fourier cholesky"),
+    Case("an unknown method", GOOD + " --method mlem", "--method mlem fbp pnp tv"),
+    Case("an unknown rule", GOOD + " --stop soon", "--stop soon relative paper never"),
+    Case("a negative strength", GOOD + " --strength -1", "strength from 0 up -1"),
+    Case("a negative strength of tv", GOOD + " --method tv --strength -1", "strength from 0 up -1"),
+    Case("a strength that is no number", GOOD + " --strength nan", "strength from 0 up nan"),
+    Case("a negative beta", GOOD + " --beta -0.3", "beta positive -0.3"),
+    Case("a beta of 0 for tv", GOOD + " --method tv --beta 0", "beta positive 0"),
+    Case("a sigma_v of 0", GOOD + " --sigma-v 0", "sigma_v positive 0"),
+    Case("both beta and sigma_v", GOOD + " --beta 0.3 --sigma-v 20", "--beta --sigma-v one of them"),
+    Case("no iterations", GOOD + " --iterations 0", "at least one iteration 0"),
+    Case("no inner iterations", GOOD + " --inner-iterations 0", "at least one inner iteration 0"),
+    Case("inner steps of a direct solver", GOOD + " --solver fbp-blend --inner-iterations 3", "fbp-blend no inner"),
+    Case("a dense factor too large", GOOD + " --solver dense-cholesky --size 129", "at most 16384 pixels 129 x 129"),
+    Case("a kernel for pnp", GOOD + " --kernel hann", "--kernel no effect pnp fbp"),
+    Case("iterations for fbp", GOOD + " --method fbp --iterations 3", "--iterations no effect fbp pnp or tv"),
+    Case("sigma_v for tv", GOOD + " --method tv --sigma-v 20", "--sigma-v no effect tv pnp"),
+    Case("a solver for tv", GOOD + " --method tv --solver cg", "--solver no effect tv pnp"),
+    Case("a size of 0", GOOD + " --size 0", "at least one pixel 0"),
+    Case("half a pixel", GOOD + " --size 1.5", "--size whole number 1.5 reconstruct --help"),
+    Case("a size without number", GOOD + " --size", "--size value"),
+    Case("a size beyond all memory", GOOD + " --method fbp --size 1000000", "memory fewer pixels"),
+    Case("a negative field of view", GOOD + " --field-of-view -450", "field of view positive mm -450"),
+    Case("the focal spot in the image", GOOD + " --field-of-view 2000", "circle of the focal spot"),
+    Case("no CUDA device", GOOD + " --device cuda", "--device cuda none --device cpu"),
+    Case("an unknown option", GOOD + " --iteration 3", "--iteration reconstruct --help"),
+    Case("a third path", GOOD + " {here}/more.h5", "more.h5"),
+    Case("no output", "reconstruct {made}/scan.h5", "missing IMAGE reconstruct --help"),
+    Case("an unknown command", "reconstuct {made}/scan.h5 {here}/out.h5", "no command reconstuct is reconstruct"),
+    Case("an unknown import", "import dicom {here}", "no command import dicom import arrays import catsim"),
+    Case("no current", SIMULATE + " --tube-current-ma 0", "tube_current_ma positive mA 0"),
+    Case("a negative current", SIMULATE + " --tube-current-ma -40", "tube_current_ma positive mA -40"),
+    Case("a voltage of mammography", SIMULATE + " --tube-voltage-kvp 28", "40 to 150 kVp 28"),
+    Case("a voltage in V", SIMULATE + " --tube-voltage-kvp 120000", "40 to 150 kVp 120000"),
+    Case("no views", SIMULATE + " --views 0", "at least one view 0"),
+    Case("no bins", SIMULATE + " --bins 0", "at least one bin 0"),
+    Case("a patient without pixels", SIMULATE + " --size 0", "at least one pixel 0"),
+    Case("a negative seed", SIMULATE + " --seed -1", "seed 0 -1"),
+    Case("a seed that is no number", SIMULATE + " --seed one", "--seed whole number one"),
+]
+
+WRITING = [
+    Case("no such folder", ELSEWHERE + "no/out.h5", "no/out.h5 there is no folder"),
+    Case("a folder for the image", ELSEWHERE + "a.h5", "a.h5 is a folder", with_folder("a.h5")),
+    Case("a folder for the sidecar", GOOD, "out.h5.json is a folder", with_folder("out.h5.json")),
+    Case("a device for the image", ELSEWHERE + "a.h5", "a.h5 not an ordinary file", with_link("a.h5", "/dev/full")),
+    Case("an unknown format", ELSEWHERE + "out.tiff", "out.tiff .h5 .nii .nii.gz .png"),
+    Case("a scan as a picture", "simulate {here}/out.png", "out.png .h5"),
+    Case("numbers as text", "evaluate {made}/image.h5 {made}/scan.h5 {here}/out.txt", "out.txt .json"),
+    Case("output over input", "reconstruct {here}/bad.h5 {here}/bad.h5", "bad.h5 is an input", cut(1.0)),
+    Case(
+        "a sidecar over an input",
+        "import arrays {made}/counts.npy {here}/out.h5.json {here}/out.h5 --incident 1",
+        "out.h5.json is an input",
+        with_text("out.h5.json", "{}"),
+    ),
+    Case("a file for the folder of the demo", "demo {here}/a", "a: File exists", with_text("a", "")),
+]
+
+
+@pytest.mark.parametrize("case", [*OPTIONS, *WRITING], ids=lambda case: case.name)
+def test_a_mistake_gets_one_line_and_leaves_nothing_behind(case, run, made, tmp_path, monkeypatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    check(case, run, made, tmp_path)
+
+
+def test_an_older_image_survives_a_mistake(run, made, tmp_path):
+    (tmp_path / "out.h5").write_text("older")
+    status, _, _ = run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--beta", "-1")
+    assert status == 2
+    assert contents(tmp_path) == {str(tmp_path / "out.h5"): b"older"}
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_is_not_writable_is_found_before_the_work(run, made, tmp_path):
+    tmp_path.chmod(0o500)
+    status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5")
+    assert status == 2
+    assert "not writable" in err
+
+
+def test_a_full_disk_gets_one_line_and_leaves_nothing_behind(made, tmp_path):
+    program = "import sys; from pnpct.cli import main; sys.exit(main())"
+    words = ["reconstruct", str(made / "scan.h5"), str(tmp_path / "out.h5"), "--method", "fbp"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000)),
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert f"{tmp_path / 'out.h5'} was not written: no room" in done.stderr
+    assert contents(tmp_path) == {}
+
+
+def test_a_bug_shows_where_it_is(monkeypatch):
+    def broken(*_, **__):
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr("pnpct.cli.app.parse", broken)
+    with pytest.raises(RuntimeError, match="a bug"):
+        main(["info", "file.h5"])

@@ -1,0 +1,141 @@
+"""How the program behaves as a process: help, Ctrl-C, closed pipes."""
+
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+from dataclasses import fields
+from importlib import import_module
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import pytest
+from mistakes import contents
+
+from pnpct.cli.app import COMMANDS
+from pnpct.cli.methods import METHODS
+from pnpct.cli.options import MethodOptions
+from pnpct.denoisers import DENOISERS
+
+PROGRAM = [sys.executable, "-c", "import sys; from pnpct.cli import main; sys.exit(main())"]
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["import"], ["import", "--help"]], ids=str)
+def test_the_overview_says_what_there_is(words, run):
+    status, out, err = run(*words)
+    assert (status, err) == (0, "")
+    shown = [command for command in COMMANDS if not words or words[0] != "import" or command.startswith("import")]
+    assert all(f"  {command:14} {COMMANDS[command]}" in out for command in shown)
+
+
+def test_the_version_is_that_of_the_package(run):
+    from pnpct import __version__
+
+    assert run("--version") == (0, f"{__version__}\n", "")
+
+
+def test_the_overview_imports_neither_torch_nor_numba():
+    program = "import sys; from pnpct.cli import main; main(['--help']); print(sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    modules = done.stdout.splitlines()[-1]
+    assert "'pnpct.cli.app'" in modules
+    assert not [heavy for heavy in ("torch", "numba", "h5py", "scipy", "skimage", "rich") if f"'{heavy}'" in modules]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_names_each_option_and_its_default(command, run, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    status, out, err = run(*command.split(), "--help")
+    assert (status, err) == (0, "")
+    module = import_module(f"pnpct.cli.{command.replace(' ', '_')}")
+    chosen = getattr(module, command.title().replace(" ", ""))
+    assert chosen.__doc__.splitlines()[0] in out
+    text = " ".join(re.sub("[│╭╮╰╯]", " ", out).split())
+    for field in fields(chosen):
+        spelled = (f"--{field.name.replace('_', '-')} ", f" {field.name.upper()} ", f" [{field.name.upper()}] ")
+        assert any(words in text for words in spelled), field.name
+    assert len(re.findall(r"\(default: |\(required\)", text)) >= len(fields(chosen))
+
+
+def test_each_method_option_has_an_effect_on_some_method():
+    options = {field.name for field in fields(MethodOptions)} - {"method"}
+    assert options == set().union(*({field.name for field in fields(method)} for method in METHODS.values()))
+    assert get_args(get_type_hints(MethodOptions)["method"]) == tuple(METHODS)
+
+
+def test_the_help_names_the_denoisers(run):
+    _, out, _ = run("reconstruct", "--help")
+    assert f"{{{','.join(DENOISERS)}}}" in out
+
+
+def test_ctrl_c_while_iterating_gives_130_and_one_line_and_no_file(made, tmp_path):
+    words = [
+        "reconstruct",
+        str(made / "scan.h5"),
+        str(tmp_path / "out.h5"),
+        "--iterations",
+        "100000",
+        "--stop",
+        "never",
+    ]
+    terminal, other_end = pty.openpty()
+    process = subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, stderr=other_end, text=True)
+    os.close(other_end)
+    shown = b""
+    # The bar shows on the terminal: the second iteration is done.
+    while not re.search(rb"[2-9]/100000", shown):
+        shown += os.read(terminal, 4096)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    try:
+        while more := os.read(terminal, 4096):
+            shown += more
+    except OSError:  # Linux says so at the end
+        pass
+    os.close(terminal)
+    assert process.returncode == 130
+    assert out == ""
+    assert shown.decode().replace("\r\n", "\n").endswith("pnpct: interrupted.\n")
+    # Above that line only the bar was, which clears its line when it goes.
+    assert shown.rfind(b"\x1b[2K") > shown.rfind(b"/100000")
+    assert contents(tmp_path) == {}
+
+
+def test_off_a_terminal_no_progress_is_shown(run, made, tmp_path):
+    status, out, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--iterations", "2")
+    assert (status, err) == (0, "")
+    assert out == f"Wrote {tmp_path / 'out.h5'}: 128 x 128 pixels of 3.516 mm.\n"
+
+
+def test_who_stops_reading_does_no_harm(made):
+    process = subprocess.Popen(
+        [*PROGRAM, "info", str(made / "scan.h5")], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait() == 0
+    process.stderr.close()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+def test_a_full_disk_under_stdout_gets_one_line(made):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*PROGRAM, "info", str(made / "scan.h5")], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr == "pnpct: the output: No space left on device.\n"
+
+
+def test_running_out_of_memory_gets_one_line(run, monkeypatch):
+    for error in (MemoryError(), RuntimeError("CUDA out of memory. Tried to allocate 2 GiB.")):
+
+        def fail(*_, error=error, **__):
+            raise error
+
+        monkeypatch.setattr("pnpct.cli.app.parse", fail)
+        status, _, err = run("info", "file.h5")
+        assert status == 2
+        assert err == "pnpct: the memory does not suffice; ask for fewer pixels, or use a larger machine.\n"
