@@ -86,6 +86,18 @@ def test_one_seed_gives_the_same_bytes_and_another_does_not(run, tmp_path):
     assert (counts, incident, truth, image) == (True, False, True, True)
 
 
+def test_the_same_command_writes_the_same_file(run, tmp_path, monkeypatch):
+    written = []
+    for folder in (tmp_path / "first", tmp_path / "second"):
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        assert run("simulate", "scan.h5", *TINY, "--seed", "4")[0] == 0
+        assert run("reconstruct", "scan.h5", "image.nii.gz", "--method", "fbp")[0] == 0
+        written.append({path.name: path.read_bytes() for path in folder.iterdir()})
+    assert len(written[0]) == 4
+    assert written[0] == written[1]
+
+
 def test_a_larger_tube_current_means_more_quanta_of_the_same_patient(run, tmp_path):
     scans = {}
     for current in (20, 200):

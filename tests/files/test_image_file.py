@@ -10,7 +10,7 @@ from PIL import Image as Picture
 from pnpct.files import FileFormatError, Provenance, describe_file, read_image, write_image
 from pnpct.geometry import ImageGrid
 
-PROVENANCE = Provenance(["pnpct", "reconstruct"], "0.1.0", created="2026-01-31T12:00:00+00:00")
+PROVENANCE = Provenance(["pnpct", "reconstruct"], "0.1.0")
 GRID = ImageGrid(4, 6, spacing=0.7, center=(12.5, -3.25))
 
 

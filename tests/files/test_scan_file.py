@@ -18,7 +18,7 @@ from pnpct.files import (
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.physics import BeamHardening, Scan
 
-PROVENANCE = Provenance(["pnpct", "simulate"], "0.1.0", seed=7, created="2026-01-31T12:00:00+00:00")
+PROVENANCE = Provenance(["pnpct", "simulate"], "0.1.0", seed=7)
 
 
 def a_scan(geometry, generator, *, batch=(), incident=None, beam_hardening=None):

@@ -97,8 +97,6 @@ class TotalVariationLeastSquares:
 
     def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
         """Return the image."""
-        if not 0 < self.beta < math.inf:
-            raise ValueError(f"beta must be a positive number, got {self.beta}.")
         start = _start(sinogram, projector)
         states = tv_pwls(sinogram, projector, start, strength=_checked(self.strength) / 1000, beta=self.beta)
         image, how_far = _last(states, start, self.iterations, self.stop)

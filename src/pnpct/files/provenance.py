@@ -5,7 +5,6 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,28 +13,24 @@ from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
 @dataclass(frozen=True)
 class Provenance:
     """How an artefact was made.
+
+    It has no clock, so that the same command with the same seed writes the same bytes.
 
     Args:
         command: The command line, word by word.
         version: Version of pnpct.
         seed: Seed of the random numbers, None if there were none.
         inputs: SHA-256 of each input file, in hexadecimal, by the file's name.
-        created: When, ISO 8601 in UTC.
         settings: Whatever else is worth keeping, in plain values: numbers, strings, lists, dictionaries.
 
     Raises:
-        ValueError: If `created` is not a time in UTC, an entry of `inputs` is not a SHA-256, or `settings`
-            cannot be written as JSON.
+        ValueError: If an entry of `inputs` is not a SHA-256, or `settings` cannot be written as JSON.
 
     Example:
-        >>> Provenance(["pnpct", "simulate"], "0.1.0", seed=7, created="2026-01-31T12:00:00+00:00").seed
+        >>> Provenance(["pnpct", "simulate"], "0.1.0", seed=7).seed
         7
     """
 
@@ -43,7 +38,6 @@ class Provenance:
     version: str
     seed: int | None = None
     inputs: Mapping[str, str] = field(default_factory=dict)
-    created: str = field(default_factory=_now)
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -58,12 +52,6 @@ class Provenance:
         for name, digest in self.inputs.items():
             if not re.fullmatch(r"[0-9a-f]{64}", digest):
                 raise ValueError(f"The fingerprint of {name} must be a SHA-256 in hexadecimal, got {digest!r}.")
-        try:
-            in_utc = datetime.fromisoformat(self.created).utcoffset() == timedelta(0)
-        except ValueError:
-            in_utc = False
-        if not in_utc:
-            raise ValueError(f"`created` must be a time in UTC like {_now()}, got {self.created!r}.")
 
     def to_json(self) -> str:
         """Write the provenance as JSON, one key per line."""
@@ -88,7 +76,6 @@ class Provenance:
             "version": str,
             "seed": int | None,
             "inputs": dict,
-            "created": str,
             "settings": dict,
         }
         for name, kind in of_type.items():
@@ -109,7 +96,7 @@ def record_run(
     seed: int | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Provenance:
-    """Return the provenance of a run that happens now: takes the fingerprints, the version and the time.
+    """Return the provenance of a run that happens now: takes the fingerprints and the version.
 
     Args:
         command: The command line, word by word.

@@ -12,8 +12,8 @@ from pnpct.operators.ray_lines import RayLines
 from pnpct.operators.strip_kernels import BLOCK, CHUNK, LEFT, RIGHT
 from pnpct.operators.threads import parallel
 
-LANES = 16
-"""Floats in the widest vector that still pays; larger batches are a sequence of tiles."""
+LANES = 32
+"""Most lanes of a tile: what is computed for a strip then serves 8 slices. Larger batches are a sequence of tiles."""
 
 
 class CpuProjector:

@@ -102,13 +102,20 @@ def pack_rays(rays, measured, parts, first_slice, lanes, first, last):
     """Fill the strips of cells first … last − 1 in lanes [strip][slice · turns + turn] from rays [slice][ray]."""
     turns = measured.shape[1]
     for cell0 in range(first, last, _RUN):
+        cell1 = min(cell0 + _RUN, last)
         for lane in range(lanes.shape[1]):
             index, turn = first_slice + lane // turns, lane % turns
-            for cell in range(cell0, min(cell0 + _RUN, last)):
+            if index >= rays.shape[0]:
+                lanes[cell0 * parts : cell1 * parts, lane] = 0
+                continue
+            line = rays[index]
+            for cell in range(cell0, cell1):
                 ray = measured[cell, turn]
-                value = rays[index, ray] if ray >= 0 and index < rays.shape[0] else np.float32(0)
-                for part in range(cell * parts, (cell + 1) * parts):
-                    lanes[part, lane] = value
+                value = line[ray] if ray >= 0 else np.float32(0)
+                if parts == 1:
+                    lanes[cell, lane] = value
+                else:
+                    lanes[cell * parts : (cell + 1) * parts, lane] = value
 
 
 @njit(**_OPTIONS)
@@ -116,14 +123,17 @@ def unpack_rays(lanes, measured, parts, first_slice, rays, first, last):
     """Set rays [slice][ray] to the sum of the strips of each of the cells first … last − 1."""
     turns = measured.shape[1]
     for cell0 in range(first, last, _RUN):
+        cell1 = min(cell0 + _RUN, last)
         for lane in range(lanes.shape[1]):
             index, turn = first_slice + lane // turns, lane % turns
             if index >= rays.shape[0]:
                 continue
-            for cell in range(cell0, min(cell0 + _RUN, last)):
+            line = rays[index]
+            for cell in range(cell0, cell1):
                 ray = measured[cell, turn]
-                if ray >= 0:
-                    total = np.float32(0)
-                    for part in range(cell * parts, (cell + 1) * parts):
-                        total += lanes[part, lane]
-                    rays[index, ray] = total
+                if ray < 0:
+                    continue
+                if parts == 1:
+                    line[ray] = lanes[cell, lane]
+                else:
+                    line[ray] = lanes[cell * parts : (cell + 1) * parts, lane].sum()

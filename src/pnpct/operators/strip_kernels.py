@@ -75,7 +75,7 @@ def _weigh(taps: int) -> Callable[..., None]:
             target = element(context, builder, signature.args[9], weight, times(builder, slot, rows * (TAPS - 1)))
             for tap in range(1, taps):
                 part = vector.mul(vector.sub(right, vector.constant([tap] * rows)), share)
-                part = vector.clip(part, vector.constant([0] * rows), vector.constant([1] * rows))
+                part = vector.call("maxnum", part, vector.constant([0] * rows))  # above 1 only beside the image
                 vector.store(part, builder.gep(target, [ir.Constant(LONG, (tap - 1) * rows)]), 4)
             return context.get_dummy_value()
 

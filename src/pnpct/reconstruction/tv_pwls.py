@@ -34,7 +34,12 @@ def tv_pwls(
     Yields:
         The state after each iteration.
 
+    Raises:
+        ValueError: If `beta` is not positive or `strength` negative.
+
     References:
         Sidky and Pan, Phys. Med. Biol. 53 (2008) 4777; Fessler, IEEE Trans. Image Process. 3 (1994) 290.
     """
+    if not 0 < beta < float("inf"):
+        raise ValueError(f"beta must be a positive number, got {beta}.")
     return pnp_admm(sinogram, A, TotalVariation(strength / beta), state, beta=beta)

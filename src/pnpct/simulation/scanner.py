@@ -57,7 +57,7 @@ def clinical_fan_beam(*, views: int = 984, bins: int = 900) -> FanBeam:
         bins=bins,
         source_to_isocenter=541.0,
         source_to_detector=949.0,
-        bin_width=1.0239 * 900 / bins,
+        bin_width=1.0239 * 900 / max(bins, 1),  # FanBeam says what is wrong with less than one
         detector_offset=0.25,
     )
 
