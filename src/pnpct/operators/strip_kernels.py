@@ -21,9 +21,8 @@ from numba.extending import intrinsic
 
 from pnpct.operators.vector_ir import FREE, INT, LONG, Vector, element, fill, times
 
-BLOCK = 32
-"""Images have rows in multiples of this. So many rows are treated together, or half of them where the lanes are many:
-a block of the image stays in the second-level cache."""
+BLOCK = 64
+"""Images have rows in multiples of this."""
 
 CHUNK = 32
 """Strips treated before their weights are used: reading at once what was just written would stall."""
@@ -37,20 +36,21 @@ NARROWEST = 1e-6
 """Columns. Behind the focal spot, always beside the image, the lines of a strip cross and its width is negative."""
 
 
+def _block(lanes: int) -> int:
+    """Rows treated together: many, to share what a strip costs, but so few that they stay in the nearest caches."""
+    return max(16, min(BLOCK, 256 // lanes))
+
+
 @njit(inline="always")
 def _rows_together(lanes):
-    return BLOCK if len(lanes) <= 8 else BLOCK // 2
-
-
-def _block(lanes: Any) -> int:
-    return BLOCK if lanes.count <= 8 else BLOCK // 2
+    return max(16, min(BLOCK, 256 // len(lanes)))
 
 
 def _weigh(taps: int) -> Callable[..., None]:
     @intrinsic
     def weigh(_, edge, slope, width, widening, strip, row, cols, stride, place, weight, slot, lanes):
         """Write place[slot, r] and weight[slot, t, r] of a strip on the rows of a block that begins at `row`."""
-        size, rows = lanes.count, _block(lanes)
+        size, rows = lanes.count, _block(lanes.count)
         signature = types.void(edge, slope, width, widening, strip, row, cols, stride, place, weight, slot, lanes)
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
@@ -87,7 +87,7 @@ def _weigh(taps: int) -> Callable[..., None]:
 def _steps(context: Any, builder: ir.IRBuilder, signature: Any, args: Any, taps: int, lanes: Any) -> Any:
     """Pointers to the first column and the tap weights on each row, and to the lanes of the strip."""
     image, row_start, place, weight, slot, rays, strip = args[:7]
-    size, rows = lanes.count, _block(lanes)
+    size, rows = lanes.count, _block(lanes.count)
     base = element(context, builder, signature.args[0], image, row_start)
     places = element(context, builder, signature.args[2], place, times(builder, slot, rows))
     weights = element(context, builder, signature.args[3], weight, times(builder, slot, rows * (TAPS - 1)))
@@ -130,7 +130,7 @@ def _gather(taps: int) -> Callable[..., None]:
             sums: list[Any] = [None] * 4
             if together > 1:
                 vector = Vector(builder, together * size)
-                for row in range(_block(lanes)):
+                for row in range(_block(lanes.count)):
                     source, parts = step(row)
                     term = vector.mul(vector.load(source, align), _spread(vector, parts, taps, size))
                     sums[row % 4] = term if row < 4 else vector.add(sums[row % 4], term)
@@ -147,7 +147,7 @@ def _gather(taps: int) -> Callable[..., None]:
                 for piece in pieces:
                     result = lane.add(result, piece)
             else:
-                for row in range(_block(lanes)):
+                for row in range(_block(lanes.count)):
                     source, parts = step(row)
                     values = [
                         lane.load(builder.gep(source, [ir.Constant(LONG, tap * size)]), align) for tap in range(taps)
@@ -183,13 +183,13 @@ def _scatter(taps: int) -> Callable[..., None]:
                 vector = Vector(builder, together * size)
                 repeat = ir.Constant(ir.VectorType(INT, vector.size), [e % size for e in range(vector.size)])
                 values = builder.shuffle_vector(value, value, repeat)
-                for row in range(_block(lanes)):
+                for row in range(_block(lanes.count)):
                     target, parts = step(row)
                     factor = _spread(vector, parts, taps, size)
                     factor = vector.mul(factor, factor) if squared else factor
                     vector.store(vector.add(vector.load(target, align), vector.mul(values, factor)), target, align)
                 return context.get_dummy_value()
-            for row in range(_block(lanes)):
+            for row in range(_block(lanes.count)):
                 target, parts = step(row)
                 filled = [lane.constant([1] * size), *[lane.fill(part) for part in parts]]
                 for tap in range(taps):
