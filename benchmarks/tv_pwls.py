@@ -5,7 +5,7 @@
 The object is the CatSim chest, projected anew into the geometry of projector.py, so that svmbir's system matrix is the
 one that was built there; 35 000 quanta per ray. svmbir (`pip install 'pnpct[peers]'`) runs with its defaults. Its prior
 is q-GGMRF, not total variation, and it stops by its own rule; pnpct stops by the relative rule. Set-up of pnpct (log,
-tables, preconditioner) is counted. A round before the others is not.
+tables, preconditioner) is counted.
 """
 
 import importlib.util
@@ -70,12 +70,11 @@ def main() -> None:
         methods["svmbir recon"] = svmbir
     seconds: dict[str, list[float]] = {name: [] for name in methods}
     errors = {}
-    for number in range(rounds + 1):
+    for _ in range(rounds):
         for name, method in methods.items():
             began = time.perf_counter()
             errors[name] = method()
-            if number:
-                seconds[name].append(time.perf_counter() - began)
+            seconds[name].append(time.perf_counter() - began)
     print("| method | seconds, minimum | median | RMSE in soft tissue, HU |\n|---|---|---|---|")
     for name, times in seconds.items():
         print(f"| {name} | {min(times):.1f} | {statistics.median(times):.1f} | {errors[name]:.1f} |")

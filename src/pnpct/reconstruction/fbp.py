@@ -40,9 +40,9 @@ def fbp(line_integrals: Rays, projector: Projector, *, kernel: Kernel = "ram-lak
         Kak and Slaney (2001), sections 3.4.1 and 3.4.2; Parker, Med. Phys. 9 (1982) 254.
     """
     prepared = _prepare(projector.grid, projector.geometry)
-    line_integrals = line_integrals * prepared.weight.to(line_integrals)
+    weighted = line_integrals * prepared.weight.to(line_integrals)
     filtered = ramp_filter(
-        torch.nn.functional.pad(line_integrals, prepared.padding),
+        torch.nn.functional.pad(weighted, prepared.padding) if any(prepared.padding) else weighted,
         spacing=prepared.spacing,
         equiangular=projector.geometry.detector == "arc",
         kernel=kernel,

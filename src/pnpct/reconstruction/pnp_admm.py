@@ -1,4 +1,4 @@
-"""Plug-and-play ADMM: the paper's equations (2) to (7).
+"""Plug-and-play ADMM: the paper's equations (2) to (6).
 
 The image that fits the weighted data and pleases a prior R,
 

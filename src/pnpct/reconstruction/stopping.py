@@ -23,7 +23,7 @@ def paper_rule(before: ADMMState, after: ADMMState, *, tolerance: float = 1e-4) 
     It is kept to repeat the paper. It holds after three to five iterations, long before convergence.
 
     References:
-        The paper, appendix C.
+        The paper, appendix "Integration into PnP-MBIR Reconstruction".
     """
     return bool((change(before, after) <= tolerance).all())
 
