@@ -17,7 +17,7 @@ from pnpct.files.errors import FileFormatError, PathLike, existing_file
 class Provenance:
     """How an artefact was made.
 
-    It has no clock, so that the same command with the same seed writes the same bytes.
+    It has no clock: the same command with the same seed has the same provenance.
 
     Args:
         command: The command line, word by word.
