@@ -151,7 +151,7 @@ def test_one_scan_gives_the_same_bytes_twice(tmp_path, geometry, generator):
 
 def test_an_older_file_is_replaced_and_a_failure_leaves_it(path, geometry, generator, monkeypatch):
     old = path.read_bytes()
-    monkeypatch.setattr("pnpct.files.scan_file._write_geometry", lambda *_: 1 / 0)
+    monkeypatch.setattr("pnpct.files.scan_file.write_geometry_group", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_scan(path, a_scan(geometry, generator), provenance=PROVENANCE)
     assert path.read_bytes() == old

@@ -137,15 +137,15 @@ def read_array(group: h5py.Group, name: str) -> Float[Tensor, "..."]:
     return values
 
 
-def group_of(file: h5py.File, name: str) -> h5py.Group:
-    """Return a group of a file.
+def group_of(file: h5py.Group, name: str) -> h5py.Group:
+    """Return a group of a file or of a group.
 
     Raises:
         FileFormatError: If it is missing.
     """
     group = file.get(name)
     if not isinstance(group, h5py.Group):
-        raise FileFormatError(f"the group /{name} is missing in this file; make it anew.")
+        raise FileFormatError(f"the group {file.name.rstrip('/')}/{name} is missing in this file; make it anew.")
     return group
 
 

@@ -14,12 +14,9 @@ The root has the attributes format ("pnpct-scan"), format_version, description, 
 mu_water_per_mm; each dataset has units and a description.
 """
 
-import h5py
-import numpy as np
-import torch
-
 from pnpct.arrays import Image
 from pnpct.files.errors import FileFormatError, PathLike
+from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
 from pnpct.files.hdf5 import (
     group_of,
     new_hdf5,
@@ -30,16 +27,10 @@ from pnpct.files.hdf5 import (
     write_image_dataset,
 )
 from pnpct.files.provenance import Provenance
-from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.geometry import ImageGrid
 from pnpct.physics import BeamHardening, Scan
 
 FORMAT = "pnpct-scan"
-_LENGTHS = {
-    "source_to_isocenter_mm": "source_to_isocenter",
-    "source_to_detector_mm": "source_to_detector",
-    "bin_width_mm": "bin_width",
-    "detector_offset_bins": "detector_offset",
-}
 
 
 def write_scan(
@@ -71,7 +62,7 @@ def write_scan(
         write_array(file, "incident", scan.incident, units="quanta", description="counts expected without an object")
         noise = file.create_dataset("electronic_noise", data=float(scan.electronic_noise))
         noise.attrs.update(units="quanta", description="standard deviation of the electronic noise in each count")
-        _write_geometry(file.create_group("geometry"), scan.geometry)
+        write_geometry_group(file.create_group("geometry"), scan.geometry)
         if scan.beam_hardening is not None:
             coefficients = scan.beam_hardening.coefficients.detach().cpu().numpy()
             dataset = file.create_dataset("beam_hardening/coefficients", data=coefficients)
@@ -89,7 +80,7 @@ def read_scan(path: PathLike) -> Scan:
         FileFormatError: If it is not a whole scan that fits together; the sentence says what is wrong.
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
-        geometry = _read_geometry(group_of(file, "geometry"))
+        geometry = read_geometry_group(group_of(file, "geometry"))
         counts = read_array(file, "counts")
         if tuple(counts.shape[-2:]) != geometry.shape:
             raise FileFormatError(
@@ -120,32 +111,3 @@ def read_truth(path: PathLike) -> tuple[Image, ImageGrid] | None:
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
         return read_image_dataset(group_of(file, "truth")) if "truth" in file else None
-
-
-def _write_geometry(group: h5py.Group, geometry: FanBeam) -> None:
-    group.attrs.update({key: getattr(geometry, name) for key, name in _LENGTHS.items()})
-    group.attrs.update(detector=geometry.detector, bins=geometry.bins)
-    angles = group.create_dataset("view_angles", data=np.asarray(geometry.view_angles))
-    meaning = "the focal spot is at (-R sin, R cos) of this angle: at the top for 0, counter-clockwise with growth"
-    angles.attrs.update(units="rad", description=meaning)
-    if geometry.focal_spot_shifts:
-        shifts = group.create_dataset("focal_spot_shifts", data=np.asarray(geometry.focal_spot_shifts))
-        meaning = "shift of the focal spot in each view: towards growing fan angle, away from the isocentre"
-        shifts.attrs.update(units="mm", description=meaning)
-
-
-def _read_geometry(group: h5py.Group) -> FanBeam:
-    shifts = read_array(group, "focal_spot_shifts") if "focal_spot_shifts" in group else torch.zeros(0, 2)
-    angles = read_array(group, "view_angles")
-    if angles.ndim != 1 or shifts.ndim != 2 or shifts.shape[1] != 2:
-        raise FileFormatError(
-            f"view angles must have the shape (views,) and focal-spot shifts (views, 2), got "
-            f"{tuple(angles.shape)} and {tuple(shifts.shape)}."
-        )
-    return FanBeam(
-        view_angles=angles.tolist(),
-        bins=int(group.attrs["bins"]),
-        detector=group.attrs["detector"],
-        focal_spot_shifts=[(along, away) for along, away in shifts.tolist()],
-        **{name: float(group.attrs[key]) for key, name in _LENGTHS.items()},
-    )

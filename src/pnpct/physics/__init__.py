@@ -1,6 +1,7 @@
 """What the detector counted, and what it says: scans and their noise, line integrals and their weights."""
 
 from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction
+from pnpct.physics.exposure import Exposure
 from pnpct.physics.scan import Moments, Scan, scan_from_moments, simulate_counts
 from pnpct.physics.sinogram import Sinogram, take_log
 from pnpct.physics.weights import BandedWeights, DiagonalWeights, Weights
@@ -9,6 +10,7 @@ __all__ = [
     "BandedWeights",
     "BeamHardening",
     "DiagonalWeights",
+    "Exposure",
     "Moments",
     "Scan",
     "Sinogram",

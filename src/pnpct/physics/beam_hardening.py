@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -137,16 +138,20 @@ def fit_water_correction(
     spectrum = detected_spectrum.double()
     if not bool((spectrum.isfinite() & (spectrum >= 0)).all() and (spectrum.sum(-1) > 0).all()):
         raise ValueError("A detected spectrum must be finite and not negative, and every bin must detect something.")
-    lengths = torch.linspace(0.0, longest, 201, dtype=torch.float64, device=spectrum.device)[1:]
-    share = (spectrum / spectrum.sum(-1, keepdim=True)).log()
-    # In logarithms, so that a metre of water does not underflow.
-    measured = -torch.logsumexp(share[:, None] - lengths[:, None] * mu_water.double(), dim=-1)
+    # numpy, because the libraries behind PyTorch round differently with the place of an array in memory.
+    lengths = np.linspace(0.0, longest, 201)[1:]
+    share = spectrum.cpu().numpy() / spectrum.sum(-1, keepdim=True).cpu().numpy()
+    paths = lengths[:, None] * mu_water.double().cpu().numpy()
+    least = paths.min(axis=1, keepdims=True)
+    # The least attenuated energy is taken out of the exponent, so that a metre of water does not underflow.
+    measured = least[:, 0] - np.log((share[:, None] * np.exp(least - paths)).sum(axis=-1))
     largest = measured[:, -1:]
-    powers = torch.arange(order, 0, -1, device=spectrum.device)
-    terms = (measured / largest)[..., None] ** powers
-    wanted = (mu_effective * lengths).expand_as(measured)[..., None]
-    fitted = torch.linalg.lstsq(terms, wanted).solution[..., 0] / largest**powers
-    return BeamHardening(torch.cat([fitted, torch.zeros_like(largest)], dim=-1))
+    powers = np.arange(order, 0, -1)
+    orthogonal, triangle = np.linalg.qr((measured / largest)[..., None] ** powers)
+    projected = (orthogonal * (mu_effective * lengths)[:, None]).sum(axis=1)
+    fitted = np.linalg.solve(triangle, projected[..., None])[..., 0] / largest**powers
+    coefficients = np.concatenate([fitted, np.zeros_like(largest)], axis=-1)
+    return BeamHardening(torch.from_numpy(coefficients).to(spectrum.device))
 
 
 def _polynomial(coefficients: Tensor, at: Tensor) -> Tensor:

@@ -3,13 +3,16 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.arrays import Rays
 from pnpct.geometry import FanBeam
+from pnpct.operators.threads import parallel
 from pnpct.physics.beam_hardening import BeamHardening
+from pnpct.physics.noise_kernels import draw_counts
 
 LOWEST_COUNT = -8.0
 """Counts below this many standard deviations of the electronic noise are no noise: once in 1e15 rays."""
@@ -161,8 +164,9 @@ def simulate_counts(
         raise ValueError("Counts are drawn from finite line integrals; some are NaN or infinite.")
     _positive("incident", incident)
     _not_negative("electronic_noise", electronic_noise)
-    counts = torch.poisson(incident.to(line_integrals) * torch.exp(-line_integrals), generator=generator)
-    return _add_electronic_noise(counts, electronic_noise, generator)
+    expected = incident.to(line_integrals) * torch.exp(-line_integrals)
+    ones = torch.ones(1).to(expected)
+    return _noisy(expected, ones, electronic_noise * ones, generator)
 
 
 def scan_from_moments(
@@ -209,8 +213,7 @@ def scan_from_moments(
     if generator is not None:
         # Dark rays have no quanta at all; 0/0 would make them NaN.
         size = torch.where(mean > 0, moments.signal_variance / mean, quantum)
-        counts = torch.poisson(dose_fraction * mean / size, generator=generator) * (size / quantum)
-        counts = _add_electronic_noise(counts, electronic_noise, generator)
+        counts = _noisy(dose_fraction * mean / size, size / quantum, electronic_noise, generator)
     return Scan(
         counts=counts,
         incident=dose_fraction * moments.air_mean / moments.quantum,
@@ -221,9 +224,20 @@ def scan_from_moments(
     )
 
 
-def _add_electronic_noise(counts: Tensor, deviation: Tensor | float, generator: torch.Generator) -> Tensor:
-    normal = torch.randn(counts.shape, generator=generator, dtype=counts.dtype, device=counts.device)
-    return counts + deviation * normal
+def _noisy(expected: Rays, size: Tensor, deviation: Tensor, generator: torch.Generator) -> Rays:
+    """Draw size · Poisson(expected) + Normal(0, deviation²); sizes and deviations broadcast from the right."""
+    if expected.device.type != "cpu" or expected.dtype != torch.float32:
+        counts = torch.poisson(expected, generator=generator) * size
+        normal = torch.randn(counts.shape, generator=generator, dtype=counts.dtype, device=counts.device)
+        return counts + deviation * normal
+    # One number of the generator seeds the streams of all rays, so that threads can share the work.
+    seed = int(torch.randint(2**62, (), generator=generator))
+    sizes = size if size.numel() == 1 else size.expand_as(expected)
+    deviations = deviation if deviation.ndim <= 1 else deviation.expand_as(expected)
+    counts = torch.empty_like(expected, memory_format=torch.contiguous_format)
+    flat = (each.contiguous().view(-1).numpy() for each in (expected, sizes, deviations))
+    parallel(draw_counts, expected.numel(), *flat, np.uint64(seed), counts.view(-1).numpy())
+    return counts
 
 
 def _check_counts(counts: Tensor, electronic_noise: float) -> None:
