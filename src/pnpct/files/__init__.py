@@ -3,30 +3,52 @@
 from pnpct.files.array_file import load_array
 from pnpct.files.atomic import atomic_path
 from pnpct.files.catsim_results import scan_from_catsim
+from pnpct.files.dicom_series import read_dicom_series
 from pnpct.files.errors import FileFormatError
+from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
 from pnpct.files.geometry_json import WrittenGeometry, read_geometry
 from pnpct.files.hdf5 import describe_file
 from pnpct.files.image_file import read_image, write_image
+from pnpct.files.image_series import ImageSeries, read_volume
 from pnpct.files.importers import scan_from_arrays
+from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
 from pnpct.files.scan_file import read_scan, read_truth, write_scan
+from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
+    "MANIFEST",
+    "SPLITS",
+    "ExposedSlice",
     "FileFormatError",
+    "FractionMap",
+    "ImageSeries",
+    "ListedScan",
+    "Manifest",
     "Provenance",
+    "Split",
     "WrittenGeometry",
     "atomic_path",
     "describe_file",
     "load_array",
+    "read_dicom_series",
+    "read_exposure",
     "read_geometry",
     "read_image",
+    "read_manifest",
     "read_scan",
     "read_truth",
+    "read_volume",
+    "read_xcist_phantom",
     "record_run",
     "scan_from_arrays",
     "scan_from_catsim",
     "sha256_of",
+    "tube_voltages",
+    "write_exposures",
     "write_image",
+    "write_manifest",
     "write_scan",
     "write_sidecar",
+    "write_xcist_phantom",
 ]

@@ -1,0 +1,222 @@
+"""One CT image in DICOM: where it lies in the patient, and its HU."""
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydicom import FileDataset, dcmread
+from pydicom.errors import BytesLengthException, InvalidDicomError
+from pydicom.pixels.utils import pixel_array
+from pydicom.uid import UID, CTImageStorage, MediaStorageDirectoryStorage
+
+from pnpct.files.errors import FileFormatError
+from pnpct.files.image_series import AIR_HU, tidy_hu
+
+_GEOMETRY = ("Rows", "Columns", "PixelSpacing", "ImageOrientationPatient", "ImagePositionPatient")
+_RESCALE = ("RescaleSlope", "RescaleIntercept", "RescaleType")
+_PADDING = ("PixelPaddingValue", "PixelPaddingRangeLimit", "PixelRepresentation")
+_KIND = ("SOPClassUID", "Modality", "ImageType", "SeriesInstanceUID", "NumberOfFrames")
+# Words from fixed lists or about the machine only: free text may name the patient.
+_DESCRIPTION = ("BodyPartExamined", "Manufacturer", "ManufacturerModelName", "ConvolutionKernel", "KVP")
+_TAGS = (*_GEOMETRY, *_RESCALE, *_PADDING, *_KIND, *_DESCRIPTION)
+_DEFERRED_BYTES = 1024
+_NAMES_OF_DICOM = {".dcm", ".dicom", ".ima"}
+# What pydicom raises for files that are cut or damaged.
+_DAMAGE = (
+    AttributeError,
+    BytesLengthException,
+    EOFError,
+    KeyError,
+    NotImplementedError,
+    OSError,
+    OverflowError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What all images of a series share.
+
+    Args:
+        rows: Number of rows in the file.
+        cols: Number of columns in the file.
+        spacing: Distance between pixel centres, mm.
+        along_row: Direction in which the column number grows, (x, y) of the patient: to the left, to the back.
+        along_column: Direction in which the row number grows.
+    """
+
+    rows: int
+    cols: int
+    spacing: float
+    along_row: tuple[int, int]
+    along_column: tuple[int, int]
+
+    def upright(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Turn an image so that rows go from front to back, columns from the patient's right to the left."""
+        if self.along_row[0] == 0:
+            return image.T[:: self.along_row[1], :: self.along_column[0]]
+        return image[:: self.along_column[1], :: self.along_row[0]]
+
+    def __str__(self) -> str:
+        return f"{self.rows} x {self.cols} pixels of {self.spacing:g} mm along {self.along_row}, {self.along_column}"
+
+
+@dataclass(frozen=True)
+class CTSlice:
+    """One image, not read but for its header.
+
+    Args:
+        path: Its file.
+        header: The elements that are needed.
+        layout: Its pixels.
+        position: Of the first pixel, x, y and z of the patient, mm; z grows towards the head.
+        slope: HU per unit of the stored values.
+        intercept: HU of a stored 0.
+    """
+
+    path: Path
+    header: FileDataset
+    layout: Layout
+    position: tuple[float, float, float]
+    slope: float
+    intercept: float
+
+    @property
+    def whole_numbers(self) -> bool:
+        """Whether its HU are integers."""
+        return self.slope.is_integer() and self.intercept.is_integer()
+
+    @property
+    def description(self) -> str:
+        """Body part, scanner, kernel and voltage, as far as they are known."""
+        words = {name: " ".join(map(str, values_of(self.header, name))) for name in _DESCRIPTION}
+        voltage = words.pop("KVP")
+        return ", ".join(["CT", *filter(None, words.values()), *([f"{float(voltage):g} kVp"] if voltage else [])])
+
+
+def read_image_header(path: Path) -> FileDataset | None:
+    """Read what is needed of a file's header; None if the file is not DICOM or holds no pixels.
+
+    Raises:
+        OSError: If the file cannot be read.
+        FileFormatError: If it is damaged, or not DICOM though its name ends like that of one.
+    """
+    try:
+        # The pixels are not read, but that they begin tells that the header is whole.
+        header = dcmread(path, defer_size=_DEFERRED_BYTES, specific_tags=[*_TAGS, "PixelData"])
+        storage = header.file_meta.get("MediaStorageSOPClassUID")
+        if "PixelData" not in header:
+            # Only the list of a disc's content has none of the elements.
+            if storage == CTImageStorage or (not len(header) and storage != MediaStorageDirectoryStorage):
+                raise EOFError("it ends before its pixels")
+            return None
+        for name in _TAGS:
+            header.get(name)  # decoded now, where damage is expected
+    except InvalidDicomError as error:
+        if path.suffix.lower() in _NAMES_OF_DICOM:
+            raise FileFormatError(f"{path} is no whole DICOM file, though its name says so.") from error
+        return None
+    except _DAMAGE as error:
+        raise _broken(path, error) from error
+    return header
+
+
+def values_of(header: FileDataset, name: str) -> list[Any]:
+    """Return the values of an element, which may be none, one or several."""
+    value = header.get(name)
+    if value is None:
+        return []
+    return [value] if isinstance(value, str | float | int) else list(value)
+
+
+def slice_of(path: Path, header: FileDataset) -> CTSlice:
+    """Understand the header of an image.
+
+    Args:
+        path: The file.
+        header: Its header, from `read_image_header`.
+
+    Raises:
+        FileFormatError: If the image is not a single one in HU, with square pixels in an axial plane.
+    """
+    if int(header.get("NumberOfFrames") or 1) != 1:
+        raise FileFormatError(f"{path} holds {header.NumberOfFrames} frames; export the series as one image per file.")
+    unit = header.get("RescaleType") or "HU"
+    if unit not in ("HU", "US"):  # US: unspecified
+        raise FileFormatError(f"{path}: an image in HU was needed, but its values are in {unit}.")
+    between_rows, between_cols = _numbers(path, header, "PixelSpacing", 2)
+    if not (between_rows > 0 and abs(between_rows - between_cols) <= 1e-4 * between_rows):
+        raise FileFormatError(f"{path}: square pixels are needed, got {between_rows:g} x {between_cols:g} mm.")
+    directions = _numbers(path, header, "ImageOrientationPatient", 6)
+    along = [round(direction) for direction in directions]
+    tilted = max(abs(exact - near) for exact, near in zip(directions, along, strict=True)) > 1e-3
+    # Axial: one of x and y along the rows, the other along the columns.
+    if tilted or [abs(direction) for direction in along] not in ([1, 0, 0, 0, 1, 0], [0, 1, 0, 1, 0, 0]):
+        raise FileFormatError(
+            f"{path}: axial images are needed, without a tilt of the gantry, but the rows and columns of this one go "
+            f"along {directions} (ImageOrientationPatient)."
+        )
+    (rows,), (cols,) = _numbers(path, header, "Rows", 1), _numbers(path, header, "Columns", 1)
+    layout = Layout(int(rows), int(cols), between_rows, (along[0], along[1]), (along[3], along[4]))
+    x, y, z = _numbers(path, header, "ImagePositionPatient", 3)
+    (slope,), (intercept,) = (_numbers(path, header, name, 1) for name in ("RescaleSlope", "RescaleIntercept"))
+    return CTSlice(path, header, layout, (x, y, z), slope, intercept)
+
+
+def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
+    """Read the pixels of an image, in HU and upright; padding is air.
+
+    Args:
+        one: The image.
+
+    Raises:
+        OSError: If the file cannot be read.
+        FileFormatError: If it is cut, not grey, or compressed in a way that no installed decoder knows.
+    """
+    try:
+        stored = pixel_array(one.path)
+    except _DAMAGE as error:
+        syntax = UID(one.header.file_meta.get("TransferSyntaxUID", ""))
+        if isinstance(error, NotImplementedError | RuntimeError) and syntax.is_transfer_syntax and syntax.is_compressed:
+            raise FileFormatError(
+                f"{one.path}: the image is compressed ({syntax.name}) and cannot be decoded here; decompress the "
+                "series first."
+            ) from error
+        raise _broken(one.path, error) from error
+    if stored.shape != (one.layout.rows, one.layout.cols):
+        raise FileFormatError(f"{one.path}: a grey image was needed, got values of the shape {stored.shape}.")
+    hu = stored * one.slope + one.intercept
+    if one.header.get("PixelPaddingValue") is not None:
+        limit = "PixelPaddingRangeLimit" if "PixelPaddingRangeLimit" in one.header else "PixelPaddingValue"
+        ends = [_numbers(one.path, one.header, name, 1)[0] for name in ("PixelPaddingValue", limit)]
+        # As the pixels are stored: some scanners write the padding of signed pixels without its sign.
+        low, high = sorted(np.array(ends).astype(np.int64).astype(stored.dtype).tolist())
+        hu[(stored >= low) & (stored <= high)] = AIR_HU
+    if one.whole_numbers:
+        hu = np.clip(hu, np.iinfo(np.int16).min, np.iinfo(np.int16).max).astype(np.int16)
+    return tidy_hu(one.layout.upright(hu))
+
+
+def _numbers(path: Path, header: FileDataset, name: str, count: int) -> list[float]:
+    """The finite numbers of an element; there must be just as many."""
+    try:
+        numbers = [float(value) for value in values_of(header, name)]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        raise FileFormatError(f"{path}: this image has no {name}, or not as {count} finite numbers; it cannot be used.")
+    return numbers
+
+
+def _broken(path: Path, error: Exception) -> Exception:
+    if isinstance(error, OSError) and error.errno is not None:
+        return error  # nothing is known about the content
+    reason = " ".join(str(error).split()).rstrip(".")
+    return FileFormatError(f"{path}: this is no whole DICOM image ({reason}).")

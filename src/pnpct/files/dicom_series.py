@@ -1,0 +1,122 @@
+"""CT series in DICOM: a folder of single images becomes one volume in HU."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pydicom import FileDataset
+from pydicom.uid import SecondaryCaptureImageStorage
+
+from pnpct.files.dicom_image import CTSlice, hu_of, read_image_header, slice_of, values_of
+from pnpct.files.errors import FileFormatError, PathLike
+from pnpct.files.image_series import ImageSeries, check_heights
+from pnpct.geometry import ImageGrid
+
+
+def read_dicom_series(folder: PathLike, *, series_uid: str | None = None) -> ImageSeries:
+    """Read a folder that holds one axial CT series, one image per file.
+
+    Files that are not DICOM, objects without pixels, images of other modalities, screen captures and
+    localizer images are passed over; folders within the folder are not entered. Slices are ordered by their
+    position, whatever the files are called. Images are turned so that the patient's front is at the top and
+    the left side at +x, also of patients who lay on the front or on a side. The description is made of body
+    part, scanner, kernel and voltage; nothing that could name the patient is kept. Compressed images are read
+    as far as the installed decoders go. Enhanced (multi-frame) CT objects are not read.
+
+    Args:
+        folder: The folder.
+        series_uid: SeriesInstanceUID of the series to read, where the folder holds several.
+
+    Returns:
+        The series, int16 where all slopes and intercepts are whole numbers (cut off at 32767 HU), else
+        float32. Padding, and what is below -1024 HU, has become air.
+
+    Raises:
+        OSError: If there is no such folder or a file cannot be read.
+        FileFormatError: If there is no CT image, or several series; if a slice is missing, comes twice or
+            does not fit the others; if images are oblique, have oblong pixels, are not in HU, or cannot be
+            decoded.
+
+    References:
+        DICOM PS3.3, C.7.6.2 (image plane) and C.8.2.1 (CT image).
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is no folder; give the folder that holds the files of one CT series.")
+    headers = _chosen_series(folder, _ct_headers(folder), series_uid)
+    slices = sorted((slice_of(path, header) for path, header in headers), key=lambda one: one.position[2])
+    _check_alike(slices)
+    z = tuple(one.position[2] for one in slices)
+    try:
+        check_heights(z)
+    except ValueError as error:
+        raise FileFormatError(f"{folder}: {error}") from error
+    first = hu_of(slices[0])
+    whole = all(one.whole_numbers for one in slices)
+    image_hu = np.empty((len(slices), *first.shape), dtype=np.int16 if whole else np.float32)
+    image_hu[0] = first
+    for index, one in enumerate(slices[1:], start=1):
+        image_hu[index] = hu_of(one)
+    grid = ImageGrid(first.shape[0], first.shape[1], slices[0].layout.spacing)
+    return ImageSeries(image_hu, grid, z, slices[0].description)
+
+
+def _ct_headers(folder: Path) -> list[tuple[Path, FileDataset]]:
+    """The headers of all CT images but localizers and screen captures."""
+    found: list[tuple[Path, FileDataset]] = []
+    others: Counter[str] = Counter()
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or not path.is_file():
+            continue
+        header = read_image_header(path)
+        if header is None:
+            continue
+        kind = _kind(header)
+        if kind == "CT":
+            found.append((path, header))
+        else:
+            others[kind] += 1
+    if not found:
+        kinds = ", ".join(f"{kind} ({count})" for kind, count in others.items())
+        but = f", only other images: {kinds}" if kinds else ""
+        raise FileFormatError(f"{folder} holds no CT image in DICOM{but}; give the folder that holds the slices.")
+    return found
+
+
+def _kind(header: FileDataset) -> str:
+    """What kind of image it is: "CT" for one to read."""
+    if header.get("Modality") != "CT":
+        return f"modality {header.get('Modality') or 'unknown'}"
+    if "LOCALIZER" in values_of(header, "ImageType"):
+        return "localizer"
+    return "screen capture" if header.get("SOPClassUID") == SecondaryCaptureImageStorage else "CT"
+
+
+def _chosen_series(
+    folder: Path, headers: Sequence[tuple[Path, FileDataset]], series_uid: str | None
+) -> list[tuple[Path, FileDataset]]:
+    uids = [str(header.get("SeriesInstanceUID") or "") for _, header in headers]
+    counts = Counter(uids)
+    listed = ", ".join(f"{uid or 'without a uid'} ({count} images)" for uid, count in counts.items())
+    if series_uid is None and len(counts) > 1:
+        raise FileFormatError(f"{folder} holds {len(counts)} CT series; choose one by its series_uid: {listed}.")
+    chosen = uids[0] if series_uid is None else series_uid
+    if chosen not in counts:
+        raise FileFormatError(f"{folder} holds no CT series {chosen}; it holds {listed}.")
+    return [file for file, uid in zip(headers, uids, strict=True) if uid == chosen]
+
+
+def _check_alike(slices: Sequence[CTSlice]) -> None:
+    """Check that all slices have the layout of the first, straight above it."""
+    first = slices[0]
+    for one in slices[1:]:
+        if one.layout != first.layout:
+            raise FileFormatError(
+                f"{one.path} does not fit {first.path.name}: it has {one.layout}, the other {first.layout}."
+            )
+        shift = max(abs(one.position[0] - first.position[0]), abs(one.position[1] - first.position[1]))
+        if shift > 0.1 * first.layout.spacing:
+            raise FileFormatError(
+                f"{one.path} lies {shift:g} mm beside {first.path.name}; slices must lie straight above one another."
+            )

@@ -1,0 +1,187 @@
+"""Series of CT images in HU, one above the other, and how to make one of plain arrays."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32, Int16
+from numpy.typing import NDArray
+
+from pnpct.files.array_file import load_array
+from pnpct.files.errors import FileFormatError, PathLike
+from pnpct.geometry import ImageGrid
+
+AIR_HU = -1000
+LOWEST_HU = -1024
+"""The lowest number that scanners give to tissue or air; what is lower marks pixels that were not imaged."""
+_UNEVEN = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class ImageSeries:
+    """Axial CT images of one patient, lying as all images here do: front at the top, patient's left at +x.
+
+    It holds nobody's name, number or dates.
+
+    Args:
+        image_hu: HU, slices from the feet to the head; pixels that were not imaged are air, -1000 HU.
+        grid: Where the pixels are; readers put its centre at (0, 0), wherever the scanner had it.
+        z: Heights of the slices, mm, growing towards the head; evenly spaced within 20 %.
+        description: Where the images come from, in words: scanner, kernel, voltage.
+
+    Raises:
+        ValueError: If the sizes do not fit together, a value is not finite, or the heights do not grow or
+            leave a gap.
+
+    Example:
+        >>> series = ImageSeries(np.zeros((2, 4, 4), np.int16), ImageGrid(4, 4, 0.8), (0.0, 3.0), "water")
+        >>> series.slice_spacing
+        3.0
+    """
+
+    image_hu: Int16[np.ndarray, "slices rows cols"] | Float32[np.ndarray, "slices rows cols"]
+    grid: ImageGrid
+    z: tuple[float, ...]
+    description: str
+
+    def __post_init__(self) -> None:
+        expected = (len(self.z), *self.grid.shape)
+        if self.image_hu.shape != expected:
+            raise ValueError(f"{len(self.z)} slices on this grid have the shape {expected}, got {self.image_hu.shape}.")
+        if self.image_hu.dtype.kind == "f" and not np.isfinite(self.image_hu).all():
+            raise ValueError("The images of a series must be finite HU; some pixels are not a number or infinite.")
+        check_heights(self.z)
+
+    @property
+    def slice_spacing(self) -> float:
+        """Mean distance between neighbouring slices, mm; 0 if there is only one slice."""
+        return (self.z[-1] - self.z[0]) / max(len(self.z) - 1, 1)
+
+
+def check_heights(z: Sequence[float]) -> None:
+    """Check that slices follow one another without a gap.
+
+    Args:
+        z: Heights of the slices, mm.
+
+    Raises:
+        ValueError: If there is none, one is not finite, they do not grow, or a distance between neighbours
+            differs by more than 20 % from the median distance.
+    """
+    if not len(z):
+        raise ValueError("A series needs at least one slice, got none.")
+    if not all(map(math.isfinite, z)):
+        raise ValueError("The heights of slices must be finite lengths in mm; some are not.")
+    steps = np.diff(z)
+    if len(steps) == 0:
+        return
+    at = int(np.argmin(steps))
+    if steps[at] < 0:
+        raise ValueError(f"The heights of slices must grow, but z = {z[at + 1]:g} mm follows on {z[at]:g} mm.")
+    if steps[at] < 1e-3:
+        raise ValueError(f"Two slices are at the same height, z = {z[at]:g} mm; keep one acquisition only.")
+    usual = float(np.median(steps))
+    at = int(np.argmax(np.abs(steps - usual)))
+    if steps[at] > (1 + _UNEVEN) * usual:
+        raise ValueError(
+            f"A slice is missing: there is none from z = {z[at]:g} to {z[at + 1]:g} mm, where the others are "
+            f"{usual:g} mm apart."
+        )
+    if steps[at] < (1 - _UNEVEN) * usual:
+        raise ValueError(
+            f"The slices are not evenly spaced: those at z = {z[at]:g} and {z[at + 1]:g} mm are "
+            f"{steps[at]:g} mm apart, the others {usual:g} mm."
+        )
+
+
+def read_volume(
+    path: PathLike, *, pixel_spacing: float | None = None, slice_spacing: float | None = None
+) -> ImageSeries:
+    """Read a CT volume in HU from a file of numpy.
+
+    A .npz file may say all itself: hu, [slices, rows, cols]; z_mm, the height of each slice; spacing_mm, the
+    distance between rows and between columns. Any other array, in a .npy file or as a member of a .npz file
+    ("scan.npz:volume"), needs both spacings; the middle of such a volume is at z = 0. Row 0 must be the
+    patient's front and column 0 the right side, in every file; slices may come in either order only where
+    z_mm tells it, else the first is the lowest.
+
+    Args:
+        path: The file.
+        pixel_spacing: Distance between pixel centres, mm, > 0, where the file does not say it.
+        slice_spacing: Distance between slices, mm, > 0, where the file does not say it.
+
+    Returns:
+        The series; HU below -1024 have become air. Integers in the range of int16 stay such, all else is
+        float32.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If it is not a whole file of numpy, an array is missing or not clear, or it holds no
+            CT volume.
+        ValueError: If a spacing is needed and not given, or not positive.
+    """
+    if pixel_spacing is None and slice_spacing is None:
+        return _read_described(path)
+    if pixel_spacing is None or slice_spacing is None:
+        raise ValueError("A volume without spacings needs both of them, pixel_spacing and slice_spacing in mm.")
+    for name, spacing in (("pixel_spacing", pixel_spacing), ("slice_spacing", slice_spacing)):
+        if not (math.isfinite(spacing) and spacing > 0):
+            raise ValueError(f"{name} must be a positive length in mm, got {spacing}.")
+    volume = load_array(path)
+    slices = len(volume) if volume.ndim else 0
+    return _series(path, volume, (np.arange(slices) - (slices - 1) / 2) * slice_spacing, pixel_spacing)
+
+
+def tidy_hu(values: NDArray[Any]) -> NDArray[np.int16] | NDArray[np.float32]:
+    """Return HU as int16 or float32, with all that is below -1024 HU turned into air.
+
+    Args:
+        values: HU; integers that int16 can hold stay integers.
+    """
+    int16 = np.iinfo(np.int16)
+    fits = values.dtype.kind in "iu" and int16.min <= int(values.min()) and int(values.max()) <= int16.max
+    tidy: Any = values.astype(np.int16 if fits else np.float32)
+    tidy[tidy < LOWEST_HU] = AIR_HU
+    result: NDArray[np.int16] | NDArray[np.float32] = tidy
+    return result
+
+
+def _read_described(path: PathLike) -> ImageSeries:
+    if not str(path).endswith(".npz"):
+        raise ValueError(f"{path} does not say its spacings; give pixel_spacing and slice_spacing in mm.")
+    try:
+        volume, z, spacing = (load_array(f"{path}:{name}") for name in ("hu", "z_mm", "spacing_mm"))
+    except FileFormatError as error:
+        raise FileFormatError(
+            f"{error} A volume is read from hu, z_mm and spacing_mm, or from one array with both spacings given."
+        ) from error
+    if spacing.shape not in ((), (2,)) or z.ndim != 1:
+        raise FileFormatError(
+            f"{path}: spacing_mm must hold one or two lengths and z_mm one per slice, got the shapes "
+            f"{spacing.shape} and {z.shape}."
+        )
+    between_rows, between_cols = np.broadcast_to(spacing, 2).tolist()
+    if abs(between_rows - between_cols) > 1e-4 * abs(between_rows):
+        raise FileFormatError(f"{path}: square pixels are needed, got {between_rows:g} x {between_cols:g} mm.")
+    return _series(path, volume, z, between_rows)
+
+
+def _series(path: PathLike, volume: NDArray[Any], z: NDArray[Any], pixel_spacing: float) -> ImageSeries:
+    if volume.ndim != 3 or volume.size == 0:
+        raise FileFormatError(f"{path}: a volume [slices, rows, cols] was needed, got the shape {volume.shape}.")
+    if volume.min() >= -20 and volume.max() <= 20:
+        raise FileFormatError(
+            f"{path}: HU were needed, where air is -1000, but the values go from {volume.min():g} to "
+            f"{volume.max():g}; are they in another unit?"
+        )
+    if len(z) > 1 and z[0] > z[-1]:
+        volume, z = volume[::-1], z[::-1]
+    try:
+        grid = ImageGrid(volume.shape[1], volume.shape[2], float(pixel_spacing))
+        return ImageSeries(
+            tidy_hu(volume), grid, tuple(z.astype(np.float64).tolist()), "CT volume from a file of numpy"
+        )
+    except ValueError as error:
+        raise FileFormatError(f"{path}: {error}") from error

@@ -1,0 +1,86 @@
+"""The manifest of a data set: which scans it has, of whom, for what, in which files."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+from pnpct.files.atomic import atomic_path
+from pnpct.files.errors import FileFormatError, existing_file
+
+FORMAT = "pnpct-dataset"
+MANIFEST = "manifest.json"
+Split: TypeAlias = Literal["train", "validation", "test"]
+SPLITS: tuple[Split, ...] = get_args(Split)
+
+
+@dataclass(frozen=True)
+class ListedScan:
+    """One axial scan of one patient.
+
+    Args:
+        name: Of the scan.
+        source: An anatomy, or the path of the body that was scanned.
+        patient: Number of the patient among those of its source.
+        split: What its patient is for.
+        z_mm: Height of each detector row's slice, mm.
+        files: SHA-256 of the file of exposures of each row, by its path in the data set.
+    """
+
+    name: str
+    source: str
+    patient: int
+    split: Split
+    z_mm: Sequence[float]
+    files: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What is in a data set.
+
+    Args:
+        recipe: All that the data set depends on, in plain values.
+        scans: Its scans.
+    """
+
+    recipe: Mapping[str, Any]
+    scans: Sequence[ListedScan]
+
+    def files(self, split: Split) -> tuple[str, ...]:
+        """Return the paths in the data set of all slices for one purpose."""
+        return tuple(name for scan in self.scans if scan.split == split for name in scan.files)
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Write the manifest of a data set into its folder.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    content = {"format": FORMAT, "format_version": 1, "pnpct": version("pnpct"), **asdict(manifest)}
+    with atomic_path(folder / MANIFEST) as temporary:
+        temporary.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Read the manifest of a data set.
+
+    Raises:
+        OSError: If there is none or it cannot be read.
+        FileFormatError: If it is not the manifest of a data set.
+    """
+    path = existing_file(folder / MANIFEST)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["format"] != FORMAT:
+            raise FileFormatError(f"{path} is not the manifest of a data set.")
+        if content["format_version"] > 1:
+            raise FileFormatError(f"{path} is of a newer version; update pnpct.")
+        return Manifest(content["recipe"], [ListedScan(**scan) for scan in content["scans"]])
+    except FileFormatError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileFormatError(f"{path} is not the whole manifest of a data set.") from error
