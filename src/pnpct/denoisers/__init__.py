@@ -2,15 +2,25 @@
 
 from pnpct.denoisers.by_name import DENOISERS, Denoise, make_denoiser
 from pnpct.denoisers.gaussian import Gaussian
+from pnpct.denoisers.learned import as_denoiser
+from pnpct.denoisers.network_cost import network_cost
 from pnpct.denoisers.nonlocal_means import NonlocalMeans
+from pnpct.denoisers.rdn_cbam import RDNCBAM, SIZES, RDNSize
+from pnpct.denoisers.red_cnn import REDCNN
 from pnpct.denoisers.total_variation import TotalVariation, total_variation
 
 __all__ = [
     "DENOISERS",
+    "RDNCBAM",
+    "REDCNN",
+    "SIZES",
     "Denoise",
     "Gaussian",
     "NonlocalMeans",
+    "RDNSize",
     "TotalVariation",
+    "as_denoiser",
     "make_denoiser",
+    "network_cost",
     "total_variation",
 ]
