@@ -12,7 +12,7 @@ help:  ## Say what can be made.
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[catsim,dev]'
 	touch $(READY)
 
 # Threads that spin while they wait take the processor from the kernels' own.

@@ -19,7 +19,7 @@ from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 from pnpct.reconstruction import fbp, reconstruct
-from pnpct.simulation import chest_phantom, clinical_fan_beam, simulate_scan, truth
+from pnpct.simulation import chest_body, clinical_fan_beam, expose, scanner_beam, truth
 from pnpct.units import to_hu
 
 FIELD_OF_VIEW = 400.0  # mm
@@ -31,15 +31,15 @@ WIDTH, HEADER = 384, 34  # of a panel in the picture, and of the line with its n
 def reconstructions(*, size: int, views: int, bins: int) -> dict[str, Image]:
     """Scan the chest, and reconstruct it; the kernel of FBP is the one with the smaller error."""
     grid, fine = (ImageGrid(pixels, pixels, FIELD_OF_VIEW / pixels) for pixels in (size, 2 * size))
-    phantom = chest_phantom(np.random.default_rng(SEED), grid=fine)
+    phantom = chest_body(np.random.default_rng(SEED)).slice(0.0, fine)
     geometry, noise = clinical_fan_beam(views=views, bins=bins), torch.Generator().manual_seed(SEED)
-    scan = simulate_scan(phantom, geometry, tube_current_ma=TUBE_CURRENT_MA, generator=noise)
+    scan = expose(phantom, geometry).scan(tube_current_ma=TUBE_CURRENT_MA, generator=noise)
     sinogram = take_log(scan)
     A = Projector(grid, geometry, mu_water=scan.mu_water)
     return {
         "Filtered back-projection": fbp(sinogram.line_integrals, A, kernel="soft"),
         "Plug-and-play ADMM": reconstruct(sinogram, A, TotalVariation(STRENGTH)),
-        "Truth": truth(phantom, grid),
+        "Truth": truth(phantom, grid, energy=scanner_beam(geometry).effective_energy),
     }
 
 

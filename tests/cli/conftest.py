@@ -18,7 +18,7 @@ def made(tmp_path_factory) -> Path:
     """A folder with a simulated scan, its FBP image, and the same scan as arrays of numpy."""
     folder = tmp_path_factory.mktemp("made")
     scan, image = folder / "scan.h5", folder / "image.h5"
-    assert main(["simulate", str(scan), "--size", "128", "--views", "120", "--bins", "225"]) == 0
+    assert main(["simulate", "scan", str(scan), "--size", "128", "--views", "120", "--bins", "225"]) == 0
     assert main(["reconstruct", str(scan), str(image), "--method", "fbp"]) == 0
     with h5py.File(scan) as file:
         np.save(folder / "counts.npy", file["counts"][()])

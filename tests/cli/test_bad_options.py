@@ -12,7 +12,8 @@ from pnpct.cli import main
 
 GOOD = "reconstruct {made}/scan.h5 {here}/out.h5"
 ELSEWHERE = "reconstruct {made}/scan.h5 {here}/"
-SIMULATE = "simulate {here}/out.h5 --size 16 --views 4 --bins 8"
+DATASET = "simulate dataset {here}/set --cases 1 --rows 1 --size 16 --views 4 --bins 8 --processes 1"
+SIMULATE = "simulate scan {here}/out.h5 --size 16 --views 4 --bins 8"
 
 OPTIONS = [
     Case("an unknown denoiser", GOOD + " --denoiser bm3d", "denoiser bm3d tv nonlocal-means gaussian"),
@@ -49,13 +50,30 @@ OPTIONS = [
     Case("an unknown import", "import dicom {here}", "no command import dicom import arrays import catsim"),
     Case("no current", SIMULATE + " --tube-current-ma 0", "tube_current_ma positive mA 0"),
     Case("a negative current", SIMULATE + " --tube-current-ma -40", "tube_current_ma positive mA -40"),
-    Case("a voltage of mammography", SIMULATE + " --tube-voltage-kvp 28", "40 to 150 kVp 28"),
-    Case("a voltage in V", SIMULATE + " --tube-voltage-kvp 120000", "40 to 150 kVp 120000"),
+    Case("a voltage of mammography", SIMULATE + " --tube-voltage-kvp 28", "70 to 140 kVp 28"),
+    Case("a voltage in V", SIMULATE + " --tube-voltage-kvp 120000", "70 to 140 kVp 120000"),
     Case("no views", SIMULATE + " --views 0", "at least one view 0"),
-    Case("no bins", SIMULATE + " --bins 0", "at least one bin 0"),
-    Case("a patient without pixels", SIMULATE + " --size 0", "at least one pixel 0"),
+    Case("no bins", SIMULATE + " --bins 0", "bins at least 1 0"),
+    Case("a patient without pixels", SIMULATE + " --size 0", "size at least 1 0"),
     Case("a negative seed", SIMULATE + " --seed -1", "seed 0 -1"),
     Case("a seed that is no number", SIMULATE + " --seed one", "--seed whole number one"),
+    Case("an unknown anatomy", SIMULATE + " --anatomy tail", "no anatomy tail abdomen, chest, head, pelvis"),
+    Case("a height above the head", SIMULATE + " --z 900", "z = 150 mm 900"),
+    Case("crosstalk above a third", SIMULATE + " --crosstalk 0.4", "Crosstalk 0.3 0.4"),
+    Case("a body that is not there", SIMULATE + " --body {here}/no.zip", "no.zip no file"),
+    Case("a body of text", SIMULATE + " --body {here}/notes.txt", "notes.txt DICOM XCIST", with_text("notes.txt", "")),
+    Case("noise of a phantom", SIMULATE + " --body {here}/a.zip --noise-hu 20", "no noise", with_text("a.zip", "")),
+    Case("an empty folder as body", SIMULATE + " --body {here}/empty", "empty DICOM", with_folder("empty")),
+    Case("an unknown simulation", "simulate dose {here}", "no command simulate dose simulate scan, simulate dataset"),
+    Case("no cases", DATASET + " --cases 0", "needs patients"),
+    Case("no rows", DATASET + " --rows 0", "rows at least 1 0"),
+    Case("an unknown part of the body", DATASET + " --anatomy head,tail", "no anatomy tail"),
+    Case("voltages of mammography", DATASET + " --tube-voltages-kvp 28 30", "70 to 140 kVp"),
+    Case("nobody to train on", DATASET + " --validation 0.8 --test 0.5", "validation tests more than 1"),
+    Case("no processes", DATASET + " --processes 0", "at least one process 0"),
+    Case("an unknown simulator", DATASET + " --simulator gate", "--simulator gate own catsim"),
+    Case("more rows than the head is high", DATASET + " --anatomy head --rows 2000", "too low for 2000 rows"),
+    Case("a scan of a scan", "simulate draw {made}/scan.h5 {here}/out.h5", "pnpct-scan pnpct-exposures"),
 ]
 
 WRITING = [
@@ -64,7 +82,7 @@ WRITING = [
     Case("a folder for the sidecar", GOOD, "out.h5.json is a folder", with_folder("out.h5.json")),
     Case("a device for the image", ELSEWHERE + "a.h5", "a.h5 not an ordinary file", with_link("a.h5", "/dev/full")),
     Case("an unknown format", ELSEWHERE + "out.tiff", "out.tiff .h5 .nii .nii.gz .png"),
-    Case("a scan as a picture", "simulate {here}/out.png", "out.png .h5"),
+    Case("a scan as a picture", "simulate scan {here}/out.png", "out.png .h5"),
     Case("numbers as text", "evaluate {made}/image.h5 {made}/scan.h5 {here}/out.txt", "out.txt .json"),
     Case("output over input", "reconstruct {here}/bad.h5 {here}/bad.h5", "bad.h5 is an input", cut(1.0)),
     Case(

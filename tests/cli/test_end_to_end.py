@@ -23,7 +23,7 @@ def settings_of(path):
 
 def test_from_a_seed_to_numbers(run, tmp_path):
     scan, fbp, pnp, tv = (tmp_path / name for name in ("scan.h5", "fbp.h5", "pnp.nii.gz", "tv.h5"))
-    status, out, err = run("simulate", scan, *SMALL, "--tube-current-ma", "5", "--seed", "3")
+    status, out, err = run("simulate", "scan", scan, *SMALL, "--tube-current-ma", "5", "--seed", "3")
     assert (status, err) == (0, "")
     assert out == f"Wrote {scan}: 120 views of 225 bins, and the truth.\n"
     status, out, err = run("info", scan)
@@ -76,7 +76,7 @@ def test_one_seed_gives_the_same_scan_and_another_does_not(run, tmp_path):
     bytes_of, images = {}, {}
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         scan, image = tmp_path / f"{name}.h5", tmp_path / f"{name}-image.h5"
-        assert run("simulate", scan, *TINY, "--seed", seed)[0] == 0
+        assert run("simulate", "scan", scan, *TINY, "--seed", seed)[0] == 0
         assert run("reconstruct", scan, image, "--iterations", "2")[0] == 0
         with h5py.File(scan) as file, h5py.File(image) as other:
             arrays = [file["counts"][()], file["incident"][()], file["truth/image"][()]]
@@ -95,7 +95,7 @@ def test_the_same_command_writes_the_same_provenance(run, tmp_path, monkeypatch)
     for folder in (tmp_path / "first", tmp_path / "second"):
         folder.mkdir()
         monkeypatch.chdir(folder)
-        assert run("simulate", "scan.h5", *TINY, "--seed", "4")[0] == 0
+        assert run("simulate", "scan", "scan.h5", *TINY, "--seed", "4")[0] == 0
         written.append((folder / "scan.h5.json").read_bytes())
     assert written[0] == written[1]
 
@@ -104,7 +104,7 @@ def test_a_larger_tube_current_means_more_quanta_of_the_same_patient(run, tmp_pa
     scans = {}
     for current in (20, 200):
         scan = tmp_path / f"{current}.h5"
-        assert run("simulate", scan, *TINY, "--tube-current-ma", current)[0] == 0
+        assert run("simulate", "scan", scan, *TINY, "--tube-current-ma", current)[0] == 0
         scans[current] = read_scan(scan)
         truth = read_truth(scan)[0]
     torch.testing.assert_close(scans[200].incident, 10 * scans[20].incident)

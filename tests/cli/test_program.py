@@ -19,15 +19,16 @@ from pnpct.cli.methods import METHODS
 from pnpct.cli.options import MethodOptions
 from pnpct.denoisers import DENOISERS
 
+GROUPS = {command.split()[0] for command in COMMANDS if " " in command}
 PROGRAM = [sys.executable, "-c", "import sys; from pnpct.cli import main; sys.exit(main())"]
 
 
-@pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["import"], ["import", "--help"]], ids=str)
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["import"], ["import", "--help"], ["simulate"]], ids=str)
 def test_the_overview_says_what_there_is(words, run):
     status, out, err = run(*words)
     assert (status, err) == (0, "")
-    shown = [command for command in COMMANDS if not words or words[0] != "import" or command.startswith("import")]
-    assert all(f"  {command:14} {COMMANDS[command]}" in out for command in shown)
+    shown = [command for command in COMMANDS if not words or words[0] not in GROUPS or command.startswith(words[0])]
+    assert all(f"  {command:16} {COMMANDS[command]}" in out for command in shown)
 
 
 def test_the_version_is_that_of_the_package(run):
@@ -54,7 +55,12 @@ def test_the_help_of_a_command_names_each_option_and_its_default(command, run, m
     assert chosen.__doc__.splitlines()[0] in out
     text = " ".join(re.sub("[│╭╮╰╯]", " ", out).split())
     for field in fields(chosen):
-        spelled = (f"--{field.name.replace('_', '-')} ", f" {field.name.upper()} ", f" [{field.name.upper()}] ")
+        spelled = (
+            f"--{field.name.replace('_', '-')} ",
+            f" {field.name.upper()} ",
+            f" [{field.name.upper()}] ",
+            f"--{field.name}, --no-",
+        )
         assert any(words in text for words in spelled), field.name
     assert len(re.findall(r"\(default: |\(required\)", text)) >= len(fields(chosen))
 

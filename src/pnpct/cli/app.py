@@ -11,7 +11,9 @@ from pnpct.cli.parsing import UsageError, parse
 from pnpct.cli.terminal import complain, say
 
 COMMANDS = {
-    "simulate": "Simulate a scan of a chest.",
+    "simulate scan": "Simulate a scan of one slice.",
+    "simulate dataset": "Simulate a data set: many patients, without noise.",
+    "simulate draw": "Draw a scan from a slice of a data set.",
     "import arrays": "Make a scan of counts or line integrals in numpy files.",
     "import catsim": "Make a scan of the raw files of CatSim.",
     "reconstruct": "Reconstruct the image of a scan.",
@@ -44,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _give_up_stdout()  # whoever reads our lines has read enough
     except SystemExit as leave:
         return int(leave.code or 0)  # tyro has shown its help
-    except (OSError, ValueError) as error:
+    except (ModuleNotFoundError, OSError, ValueError) as error:
         complain(_sentence(error))
         _give_up_stdout()
         return 2
@@ -67,8 +69,8 @@ def run(words: Sequence[str]) -> None:
         say(_overview(COMMANDS))
     elif first == "--version":
         say(version("pnpct"))
-    elif first == "import" and (len(words) == 1 or words[1] in ("-h", "--help")):
-        say(_overview([command for command in COMMANDS if command.startswith("import ")]))
+    elif (group := _group(first)) and (len(words) == 1 or words[1] in ("-h", "--help")):
+        say(_overview(group))
     else:
         command, rest = _find(words)
         module = import_module(f"pnpct.cli.{command.replace(' ', '_')}")
@@ -81,14 +83,19 @@ def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
     for length in (1, 2):
         if (command := " ".join(words[:length])) in COMMANDS:
             return command, words[length:]
-    asked = " ".join(words[: 2 if words[0] == "import" else 1])
-    near = [command for command in COMMANDS if command.startswith(f"{words[0]} ")]
+    near = _group(words[0])
+    asked = " ".join(words[: 2 if near else 1])
     near = near or difflib.get_close_matches(asked, COMMANDS, n=1) or [*COMMANDS]
     raise UsageError(f'there is no command "{asked}"; there {"is" if len(near) == 1 else "are"} {", ".join(near)}.')
 
 
+def _group(word: str) -> list[str]:
+    """The commands of two words that begin with this one."""
+    return [command for command in COMMANDS if command.startswith(f"{word} ")]
+
+
 def _overview(commands: Sequence[str] | dict[str, str]) -> str:
-    lines = [f"  {command:14} {COMMANDS[command]}" for command in commands]
+    lines = [f"  {command:16} {COMMANDS[command]}" for command in commands]
     return "\n".join(
         [
             "usage: pnpct COMMAND ...",
@@ -110,7 +117,7 @@ def _give_up_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _sentence(error: OSError | ValueError) -> str:
+def _sentence(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'the output'}: {error.strerror}."
     return str(error)

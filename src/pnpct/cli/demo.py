@@ -43,7 +43,7 @@ class Demo:
         check_output(numbers, NUMBERS)
         check_output(picture, PICTURES)
         dose = f"--tube-current-ma {self.tube_current_ma} --views {self.views} --size {self.size} --seed {self.seed}"
-        _call("simulate", scan, options=dose)
+        _call("simulate scan", scan, options=dose)
         files = {name: self.folder / f"{name}.h5" for name in METHODS}
         for name, options in METHODS.items():
             _call("reconstruct", scan, files[name], options=options)
@@ -55,4 +55,4 @@ class Demo:
 
 def _call(command: str, *files: Path, options: str) -> None:
     say(f"\n$ pnpct {command} {' '.join(map(str, files))} {options}")
-    run([command, *map(str, files), *options.split()])
+    run([*command.split(), *map(str, files), *options.split()])

@@ -1,36 +1,79 @@
 """From anatomy to a scan: phantoms, x-ray spectra and a polychromatic scanner."""
 
-from pnpct.simulation.chest import chest_phantom
-from pnpct.simulation.materials import MATERIALS, Material, attenuation
-from pnpct.simulation.phantom import Phantom, relative_attenuation, truth
-from pnpct.simulation.scanner import (
+from pnpct.simulation.anatomy import ANATOMIES, abdomen_body, chest_body, head_body, pelvis_body
+from pnpct.simulation.beam import (
     Beam,
+    Bowtie,
+    Detector,
     bowtie_thickness,
-    clinical_fan_beam,
-    moments_behind,
+    effective_mu_water,
     scanner_beam,
-    simulate_moments,
-    simulate_scan,
     water_correction,
 )
+from pnpct.simulation.body import Body
+from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
+from pnpct.simulation.ct_body import CTBody
+from pnpct.simulation.dataset import simulate_dataset
+from pnpct.simulation.lesions import Lesion, lesion_mask, with_lesions
+from pnpct.simulation.materials import MATERIALS, Material, attenuation
+from pnpct.simulation.phantom import Phantom, relative_attenuation, truth
+from pnpct.simulation.recipe import Recipe, Simulator, plan
+from pnpct.simulation.scanner import (
+    SLICE_THICKNESS,
+    Sampling,
+    as_exposure,
+    clinical_fan_beam,
+    expose,
+    moments_behind,
+    simulate_moments,
+)
+from pnpct.simulation.sources import Source, fingerprint, from_files, made_up
 from pnpct.simulation.spectrum import Spectrum, tube_spectrum
+from pnpct.simulation.voxel_body import VoxelBody
 
 __all__ = [
+    "ANATOMIES",
     "MATERIALS",
+    "SLICE_THICKNESS",
     "Beam",
+    "Body",
+    "Bowtie",
+    "CTBody",
+    "CatSimSampling",
+    "Detector",
+    "Lesion",
     "Material",
     "Phantom",
+    "Recipe",
+    "Sampling",
+    "Simulator",
+    "Source",
     "Spectrum",
+    "VoxelBody",
+    "abdomen_body",
+    "as_exposure",
     "attenuation",
     "bowtie_thickness",
-    "chest_phantom",
+    "catsim_moments",
+    "catsim_scan",
+    "chest_body",
     "clinical_fan_beam",
+    "effective_mu_water",
+    "expose",
+    "fingerprint",
+    "from_files",
+    "head_body",
+    "lesion_mask",
+    "made_up",
     "moments_behind",
+    "pelvis_body",
+    "plan",
     "relative_attenuation",
     "scanner_beam",
+    "simulate_dataset",
     "simulate_moments",
-    "simulate_scan",
     "truth",
     "tube_spectrum",
     "water_correction",
+    "with_lesions",
 ]

@@ -11,6 +11,7 @@ from torch import Tensor
 from pnpct.arrays import Image
 from pnpct.geometry import ImageGrid
 from pnpct.simulation.materials import MATERIALS, attenuation
+from pnpct.simulation.resampling import area_average
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,18 +90,9 @@ def truth(phantom: Phantom, grid: ImageGrid, *, energy: float = 70.0) -> Image:
     Returns:
         Attenuation relative to water, float32.
     """
-    *of_materials, of_water = relative_attenuation((*phantom.materials, "water"), np.array([energy])).flatten().tolist()
+    *of_materials, of_water = (
+        relative_attenuation((*phantom.materials, "water"), np.array([float(energy)])).flatten().tolist()
+    )
     relative = torch.tensor(of_materials, dtype=torch.float64, device=phantom.fractions.device) / of_water
     fine = torch.einsum("m,mrc->rc", relative, phantom.fractions.double())
-    rows = _overlaps(-phantom.grid.y, phantom.grid.spacing, -grid.y, grid.spacing).to(fine)
-    cols = _overlaps(phantom.grid.x, phantom.grid.spacing, grid.x, grid.spacing).to(fine)
-    return (rows @ fine @ cols.T).float()
-
-
-def _overlaps(
-    fine: NDArray[np.float64], fine_spacing: float, coarse: NDArray[np.float64], coarse_spacing: float
-) -> Float[Tensor, "coarse fine"]:
-    """What share of each coarse pixel each fine pixel covers, along one axis; positions grow."""
-    low = np.maximum(coarse[:, None] - coarse_spacing / 2, fine - fine_spacing / 2)
-    high = np.minimum(coarse[:, None] + coarse_spacing / 2, fine + fine_spacing / 2)
-    return torch.from_numpy(np.maximum(high - low, 0.0) / coarse_spacing)
+    return area_average(fine, phantom.grid, grid).float()

@@ -1,41 +1,85 @@
-"""A CT scanner of today: its geometry, what its detector sees of the beam, and the scans it makes."""
+"""A CT scanner of today: its geometry, and the polychromatic scans it makes."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
 from jaxtyping import Float
-from numpy.typing import NDArray
 from torch import Tensor
 
-from pnpct.geometry import FanBeam, evenly_spaced_views
+from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
-from pnpct.physics import BeamHardening, Moments, Scan, fit_water_correction, scan_from_moments
-from pnpct.simulation.materials import attenuation
+from pnpct.physics import Exposure, Moments
+from pnpct.simulation.beam import Beam, effective_mu_water, scanner_beam, water_correction
 from pnpct.simulation.phantom import Phantom, relative_attenuation
-from pnpct.simulation.spectrum import tube_spectrum
-from pnpct.units import MU_WATER_70_KEV
 
-CELL_HEIGHT = 1.0963
-"""Height of a detector cell, mm: slices of 0.625 mm at the isocentre."""
-ELECTRONIC_NOISE_KEV = 206.0
-"""Standard deviation of the electronic noise of a count, keV: 3500 electrons at 17 electrons per keV."""
-OUTPUT = 0.508
-"""Share of the modelled photons that is counted, cells not being all scintillator: gives CatSim's 34 800 quanta."""
+SLICE_THICKNESS = 0.625
+"""Distance of the slices of neighbouring detector rows at the isocentre, mm."""
+_CHUNK = 16
+"""Views whose signal is added up together: few enough to stay in the cache of a processor."""
 
 
-@dataclass(frozen=True, eq=False)
-class Beam:
-    """What the detector absorbs of each energy without an object.
+@dataclass(frozen=True)
+class Sampling:
+    """How finely the scanner's blur is sampled: each sample is a projection of its own.
+
+    Intensities are averaged over the samples, not line integrals. 1 everywhere is a point source and a gantry
+    that stands still during a view; a cell then averages the line integrals over its width.
 
     Args:
-        energies: Middle of each energy bin, keV.
-        photons: Photons that each detector bin absorbs of each energy, per mAs.
+        columns: Parts of a detector cell along the fan.
+        focal_spot: Points of the focal spot across the fan and along the tube's anode, which a fan sees as
+            depth.
+        views: Angles within the rotation from one view to the next.
+        width: Width of the focal spot across the fan, mm, ≥ 0.
+        length: Length of the focal spot as it looks from the isocentre, along z, mm, ≥ 0.
+        anode_angle: Between the anode's face and the fan, rad; the focal spot is length / tan(angle) deep.
+
+    Raises:
+        ValueError: If a number is out of its range.
     """
 
-    energies: NDArray[np.float64]
-    photons: Float[Tensor, "bins energies"]
+    columns: int = 1
+    focal_spot: tuple[int, int] = (1, 1)
+    views: int = 1
+    width: float = 1.0
+    length: float = 1.0
+    anode_angle: float = math.radians(7.0)
+
+    def __post_init__(self) -> None:
+        if min(self.columns, *self.focal_spot, self.views) < 1:
+            raise ValueError("A scan needs at least one sample of cells, focal spot and views.")
+        if not (self.width >= 0 and self.length >= 0 and 0 < self.anode_angle < math.pi / 2):
+            raise ValueError(
+                "A focal spot has a width and a length from 0 up, in mm, and an anode angle between 0 and π/2 rad."
+            )
+
+    def geometries(self, geometry: FanBeam) -> Iterator[FanBeam]:
+        """Yield the geometry of each sample; their detectors have `columns` times the bins."""
+        across, along = self.focal_spot
+        angles = np.asarray(geometry.view_angles)
+        step = 2 * math.pi / geometry.views if geometry.views < 3 else float(np.median(np.diff(angles)))
+        shifts = np.asarray(geometry.focal_spot_shifts or [(0.0, 0.0)] * geometry.views)
+        for turn in _middles(self.views) * step:
+            for sideways in _middles(across) * self.width:
+                for deep in _middles(along) * self.length / math.tan(self.anode_angle):
+                    moved = shifts + np.array([sideways, deep])
+                    yield replace(
+                        geometry,
+                        view_angles=tuple((angles + turn).tolist()),
+                        bins=geometry.bins * self.columns,
+                        bin_width=geometry.bin_width / self.columns,
+                        detector_offset=geometry.detector_offset * self.columns,
+                        focal_spot_shifts=tuple(map(tuple, moved.tolist())) if moved.any() else (),
+                    )
+
+
+def _middles(parts: int) -> np.ndarray:
+    """Middles of even parts of the interval from −1/2 to 1/2."""
+    return (np.arange(parts) + 0.5) / parts - 0.5
 
 
 def clinical_fan_beam(*, views: int = 984, bins: int = 900) -> FanBeam:
@@ -62,151 +106,152 @@ def clinical_fan_beam(*, views: int = 984, bins: int = 900) -> FanBeam:
     )
 
 
-def bowtie_thickness(fan_angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the aluminium of a bow-tie filter for large bodies at each fan angle, mm.
-
-    2.6 mm + 33.9 mm · (1 − exp(−|γ / 0.261|^3.5)): within 0.7 mm of CatSim's large bow-tie.
-    """
-    return 2.6 + 33.9 * (1 - np.exp(-(np.abs(fan_angles / 0.261) ** 3.5)))
-
-
-def scanner_beam(
+def simulate_moments(
+    phantom: Phantom,
     geometry: FanBeam,
+    beams: Sequence[Beam],
     *,
-    tube_voltage_kvp: float = 120.0,
-    aluminium: float = 6.5,
-    bowtie: bool = True,
-    step: float = 3.0,
-) -> Beam:
-    """Return what each detector cell absorbs of each energy: tube, filters, distance, cell and scintillator.
+    sampling: Sampling | None = None,
+    crosstalk: float = 0.0,
+) -> tuple[Moments, ...]:
+    """Return the noise-free signal of polychromatic scans, and its variance, for 1 mAs per view.
 
-    The scintillator is 3 mm of Gd₂O₂S; fluorescence, crosstalk and scatter are left out. With its defaults
-    the beam is that of CatSim's default scanner at 120 kVp: the line integrals of a chest agree to 0.2 %, the
-    energy of a quantum to 0.5 % at the middle and at the edge of the fan.
-
-    Args:
-        geometry: The scanner; the photons of a cell grow with its width.
-        tube_voltage_kvp: Peak tube voltage, 70 to 140 kVp in the clinic.
-        aluminium: Thickness of all flat filters, mm, ≥ 0, in which the tube itself has about 4 mm.
-        bowtie: Whether the large bow-tie filter is in the beam.
-        step: Width of the energy bins, keV.
-
-    Returns:
-        Absorbed photons per mAs. At 120 kVp the middle of the fan gets 34 800 effective quanta (S₁²/S₂) at 40
-        mA in 1/984 s.
-
-    Raises:
-        ValueError: If an argument is out of its range.
-    """
-    spectrum = tube_spectrum(tube_voltage_kvp, step=step).behind("aluminium", aluminium)
-    fan_angles = geometry.fan_angles
-    slant = 1 / np.cos(fan_angles)
-    metal = aluminium * (slant - 1) + (bowtie_thickness(fan_angles) if bowtie else 0.0)
-    passed = np.exp(-metal[:, None] * attenuation("aluminium", spectrum.energies))
-    absorbed = -np.expm1(-3.0 * attenuation("gadolinium oxysulfide", spectrum.energies))
-    area = geometry.bin_width * CELL_HEIGHT * (1000 / geometry.source_to_detector) ** 2
-    return Beam(spectrum.energies, torch.from_numpy(OUTPUT * area * spectrum.photons * absorbed * passed))
-
-
-def water_correction(beam: Beam) -> BeamHardening:
-    """Return the correction after which water looks as it does at 70 keV, for paths up to 500 mm."""
-    response = beam.photons * torch.from_numpy(beam.energies)
-    mu_water = relative_attenuation(("water",), beam.energies)[0]
-    return fit_water_correction(response, mu_water, mu_effective=MU_WATER_70_KEV)
-
-
-def simulate_moments(phantom: Phantom, geometry: FanBeam, beam: Beam) -> Moments:
-    """Return the noise-free signal of a polychromatic scan, and its variance, for 1 mAs per view.
-
-    `physics.scan_from_moments` draws scans of any tube current from it. Focal spot and rotation during a view
-    are left out; a cell averages the paths over its width.
+    One projection of the phantom serves all beams.
 
     Args:
         phantom: The object.
         geometry: The scanner.
-        beam: What its detector absorbs without object, of the same number of bins.
+        beams: What its detector absorbs without object, of the same number of bins.
+        sampling: Blur by cells, focal spot and rotation; None is `Sampling()`, one sample of each.
+        crosstalk: Share of the x-rays of a cell that is detected in each of its two neighbours, 0 to 0.3.
 
     Returns:
-        Moments in keV and keV², on the phantom's device.
+        Moments for each beam in the unit of its response, on the phantom's device.
 
     Raises:
-        ValueError: If the beam has another number of bins, or the geometry cannot see the phantom.
+        ValueError: If a beam has another number of bins, the geometry cannot see the phantom, or crosstalk is
+            out of its range.
     """
-    if len(beam.photons) != geometry.bins:
-        raise ValueError(f"The beam is for {len(beam.photons)} bins, the geometry has {geometry.bins}.")
-    solid = [index for index, material in enumerate(phantom.materials) if material != "air"]
-    paths = Projector(phantom.grid, geometry, mu_water=1.0)(phantom.fractions[solid])
-    return moments_behind(paths, tuple(phantom.materials[index] for index in solid), beam)
+    for beam in beams:
+        if len(beam.photons) != geometry.bins:
+            raise ValueError(f"The beam is for {len(beam.photons)} bins, the geometry has {geometry.bins}.")
+    if not 0 <= crosstalk <= 0.3:
+        raise ValueError(f"Crosstalk to each neighbour must be a share from 0 to 0.3, got {crosstalk}.")
+    sampling = sampling or Sampling()
+    solid = [
+        index for index, share in enumerate(phantom.fractions) if phantom.materials[index] != "air" and share.any()
+    ]
+    materials, fractions = tuple(phantom.materials[index] for index in solid), phantom.fractions[solid]
+    samples: list[list[Moments]] = []
+    for each in sampling.geometries(geometry):
+        paths = _projector(phantom.grid, each)(fractions)
+        samples.append([moments_behind(paths, materials, beam) for beam in beams])
+    return tuple(_averaged(of_beam, crosstalk) for of_beam in zip(*samples, strict=True))
 
 
-def moments_behind(paths: Float[Tensor, "materials views bins"], materials: tuple[str, ...], beam: Beam) -> Moments:
-    """Return the mean and the variance of the signal behind given materials, for 1 mAs per view.
+def _averaged(samples: Sequence[Moments], crosstalk: float) -> Moments:
+    """Average the intensities of samples, and share them with the neighbours."""
+    mean = torch.stack([sample.signal_mean for sample in samples]).mean(dim=0)
+    variance = torch.stack([sample.signal_variance for sample in samples]).mean(dim=0)
+    air = samples[0]
+    mean, variance, air_mean, air_variance = (
+        _spread(each, crosstalk) for each in (mean, variance, air.air_mean, air.air_variance)
+    )
+    return Moments(mean, variance, air_mean, air_variance, electronic_noise=air.electronic_noise)
 
-    With L_m the path in material m and λ_E the photons that the cell absorbs without object,
 
-        S_k = Σ_E λ_E E^k exp(−Σ_m (μ_m(E) − μ_air(E)) L_m),   k = 1, 2.
+@lru_cache(maxsize=16)
+def _projector(grid: ImageGrid, geometry: FanBeam) -> Projector:
+    """The slices of a body share their projectors, which take longer to make than to use."""
+    return Projector(grid, geometry, mu_water=1.0)
+
+
+def _spread(signal: Float[Tensor, "*any"], crosstalk: float) -> Float[Tensor, "*any"]:
+    """Share the signal with the neighbours; the outermost cells keep what would leave the detector."""
+    if not crosstalk:
+        return signal
+    left = torch.cat([signal[..., :1], signal[..., :-1]], dim=-1)
+    right = torch.cat([signal[..., 1:], signal[..., -1:]], dim=-1)
+    return (1 - 2 * crosstalk) * signal + crosstalk * (left + right)
+
+
+def moments_behind(paths: Float[Tensor, "materials views samples"], materials: tuple[str, ...], beam: Beam) -> Moments:
+    """Return the moments of a polychromatic scan behind paths of known length in each material.
+
+        S₁ = Σ_E photons(E) r(E) exp(−Σ_m (μ_m(E) − μ_air(E)) path_m),  S₂ with r(E)²,
+
+    where r is the response of the beam.
 
     Args:
-        paths: Length of each ray in each material, mm.
+        paths: Length of each ray in each material, mm; several neighbouring rays for each bin of the beam if
+            cells are sampled, whose signal is averaged.
         materials: Names in `MATERIALS`.
         beam: What the detector absorbs without object.
 
     Returns:
-        Moments in keV and keV², with the electronic noise of one count, on the paths' device.
+        Moments in the unit of the response, with the electronic noise of one count, on the paths' device.
 
     Raises:
-        ValueError: If a material is unknown.
+        ValueError: If a material is unknown, or the rays do not share out evenly among the beam's bins.
     """
-    mu = relative_attenuation(materials, beam.energies).to(paths)
-    powers = torch.from_numpy(np.stack([beam.energies, beam.energies**2]))
-    absorbed = (beam.photons[:, None] * powers).to(paths)
-    # View by view: all energies of all rays at once would fill the memory.
-    signal = [torch.einsum("be,bke->kb", torch.exp(-view.T @ mu), absorbed) for view in paths.unbind(dim=1)]
-    mean, variance = torch.stack(signal, dim=1)
-    air_mean, air_variance = absorbed.sum(dim=2).T
-    return Moments(mean, variance, air_mean, air_variance, electronic_noise=ELECTRONIC_NOISE_KEV)
+    bins = len(beam.photons)
+    _, views, rays = paths.shape
+    if rays % bins:
+        raise ValueError(f"{rays} rays a view cannot be shared out among the {bins} bins of the beam.")
+    mu = relative_attenuation(materials, beam.energies).tolist()
+    signal = (beam.photons * beam.response).to(paths)
+    responses = beam.response.tolist()
+    mean, variance = torch.zeros(2, views, bins, dtype=paths.dtype, device=paths.device)
+    for first in range(0, views, _CHUNK):
+        chunk = paths[:, first : first + _CHUNK]
+        for energy, response in enumerate(responses):
+            line_integrals = torch.zeros_like(chunk[0])
+            for of_material, length in zip(mu, chunk, strict=True):
+                line_integrals.add_(length, alpha=-of_material[energy])
+            transmitted = line_integrals.exp_().unflatten(-1, (bins, -1))
+            transmitted = transmitted.mean(dim=-1) if rays > bins else transmitted[..., 0]
+            mean[first : first + _CHUNK].addcmul_(transmitted, signal[:, energy])
+            variance[first : first + _CHUNK].addcmul_(transmitted, signal[:, energy], value=response)
+    air_variance = (beam.photons * beam.response**2).sum(dim=1).to(paths)
+    return Moments(mean, variance, signal.sum(dim=1), air_variance, electronic_noise=beam.electronic_noise)
 
 
-def simulate_scan(
+def expose(
     phantom: Phantom,
     geometry: FanBeam,
+    beam: Beam | None = None,
     *,
-    tube_current_ma: float,
-    tube_voltage_kvp: float = 120.0,
-    rotation_time: float = 1.0,
-    generator: torch.Generator | None,
-) -> Scan:
-    """Scan a phantom once, as a scanner with an energy-integrating detector does.
-
-    For several scans of one phantom (pairs, doses) call `simulate_moments` once and
-    `physics.scan_from_moments` for each.
+    sampling: Sampling | None = None,
+    crosstalk: float = 0.0,
+) -> Exposure:
+    """Return what a scanner sees of a phantom; `Exposure.scan` draws scans of any tube current from it.
 
     Args:
         phantom: The object.
         geometry: The scanner; see `clinical_fan_beam`.
-        tube_current_ma: Tube current, mA, > 0.
-        tube_voltage_kvp: Peak tube voltage, 40 to 150 kVp.
-        rotation_time: Time of all views together, s, > 0.
-        generator: Source of the noise, on the phantom's device; None for a scan without noise.
+        beam: Tube, filters and detector; `scanner_beam(geometry)` if None.
+        sampling: Blur by cells, focal spot and rotation; None is one sample of each.
+        crosstalk: Share of the x-rays of a cell that is detected in each of its two neighbours, 0 to 0.3.
 
     Returns:
-        Counts with compound Poisson and electronic noise, with the water correction to 70 keV attached.
+        The moments, with the water correction to the beam's effective energy.
 
     Raises:
-        ValueError: If an argument is out of its range, or the geometry cannot see the phantom.
+        ValueError: If the beam has another number of bins, the geometry cannot see the phantom, or crosstalk is
+            out of its range.
+
+    Example:
+        >>> phantom = Phantom(("water",), torch.ones(1, 8, 8), ImageGrid(8, 8, spacing=10.0))
+        >>> exposure = expose(phantom, clinical_fan_beam(views=4, bins=16))
+        >>> scan = exposure.scan(tube_current_ma=40.0, generator=torch.Generator().manual_seed(0))
+        >>> scan.counts.shape
+        torch.Size([4, 16])
     """
-    for name, value, unit in (
-        ("tube_current_ma", tube_current_ma, "mA"),
-        ("rotation_time", rotation_time, "s"),
-    ):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive, in {unit}, got {value}.")
-    beam = scanner_beam(geometry, tube_voltage_kvp=tube_voltage_kvp)
-    return scan_from_moments(
-        simulate_moments(phantom, geometry, beam),
-        geometry,
-        mu_water=MU_WATER_70_KEV,
-        dose_fraction=tube_current_ma * rotation_time / geometry.views,
-        beam_hardening=water_correction(beam),
-        generator=generator,
-    )
+    beam = beam or scanner_beam(geometry)
+    (moments,) = simulate_moments(phantom, geometry, [beam], sampling=sampling, crosstalk=crosstalk)
+    return as_exposure(moments, geometry, beam)
+
+
+def as_exposure(moments: Moments, geometry: FanBeam, beam: Beam) -> Exposure:
+    """Return moments of a beam, whoever has computed them, with what a scan must know of the beam."""
+    return Exposure(moments, geometry, effective_mu_water(beam), water_correction(beam))

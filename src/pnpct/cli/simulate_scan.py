@@ -1,0 +1,97 @@
+"""`pnpct simulate scan`: from a seed, or a patient's images, to a scan."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional
+
+from pnpct.cli.artefact import SCANS, check_output, finish_scan
+from pnpct.cli.parsing import option
+from pnpct.cli.seeds import generators
+from pnpct.cli.terminal import working
+from pnpct.files import record_run
+from pnpct.geometry import ImageGrid
+from pnpct.simulation import (
+    ANATOMIES,
+    Bowtie,
+    Detector,
+    Sampling,
+    clinical_fan_beam,
+    expose,
+    fingerprint,
+    from_files,
+    made_up,
+    scanner_beam,
+    truth,
+)
+
+FINE = Sampling(columns=2, focal_spot=(2, 2), views=2)
+
+
+@dataclass(frozen=True)
+class SimulateScan:
+    """Simulate a scan of one slice.
+
+    A patient who is made up, another one for every seed, or one whose images are read, is scanned by a scanner of
+    today. The scan keeps the truth.
+
+    Args:
+        scan: Where the scan shall be, .h5.
+        anatomy: Part of the body of a patient who is made up.
+        body: Instead: a folder with a DICOM CT series, a volume of HU (.npz) or an XCIST phantom (.json, .zip).
+        z: Height of the slice, mm.
+        noise_hu: Standard deviation of the noise that is removed from a CT series, HU.
+        tube_current_ma: Tube current, mA, for a rotation of one second; 40 is a low dose, 200 a usual one.
+        tube_voltage_kvp: Peak tube voltage, 70 to 140 kVp.
+        bowtie: Bow-tie filter: for large, medium or small bodies.
+        detector: Kind of detector.
+        crosstalk: Share of the x-rays of a cell that is detected in each of its neighbours.
+        blur: Average over the focal spot, the cells and the rotation during a view; eight times slower.
+        views: Views in the turn.
+        bins: Cells that share the detector's arc.
+        size: Rows and columns of the truth; what is scanned has pixels of half the size.
+        seed: Seed of the patient and of the noise.
+    """
+
+    scan: Positional[Path]
+    anatomy: Annotated[str, option(metavar=f"{{{','.join(ANATOMIES)}}}")] = "chest"
+    body: Annotated[Path | None, option(default="a patient who is made up")] = None
+    z: Annotated[float | None, option(default="where there is most to see")] = None
+    noise_hu: float = 0.0
+    tube_current_ma: float = 40.0
+    tube_voltage_kvp: float = 120.0
+    bowtie: Bowtie = "large"
+    detector: Detector = "energy-integrating"
+    crosstalk: float = 0.0
+    blur: bool = False
+    views: int = 984
+    bins: int = 900
+    size: int = 512
+    seed: int = 0
+
+    def run(self, command: Sequence[str]) -> None:
+        """Simulate, and write the scan."""
+        check_output(self.scan, SCANS)
+        for name in ("bins", "size"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
+        of_patient, of_noise = generators(self.seed)
+        inputs = {str(self.body): fingerprint(self.body)} if self.body else {}
+        geometry = clinical_fan_beam(views=self.views, bins=self.bins)
+        beam = scanner_beam(
+            geometry, tube_voltage_kvp=self.tube_voltage_kvp, bowtie=self.bowtie, detector=self.detector
+        )
+        with working("Drawing and scanning the patient"):
+            if self.body:
+                source = from_files(self.body, size=self.size, noise_hu=self.noise_hu)
+            else:
+                source = made_up(self.anatomy, of_patient, size=self.size)
+            fine = ImageGrid(2 * self.size, 2 * self.size, source.grid.spacing / 2)
+            phantom = source.body.slice(source.height if self.z is None else self.z, fine)
+            exposure = expose(phantom, geometry, beam, sampling=FINE if self.blur else None, crosstalk=self.crosstalk)
+            scan = exposure.scan(tube_current_ma=self.tube_current_ma, generator=of_noise)
+        known = truth(phantom, source.grid, energy=beam.effective_energy), source.grid
+        provenance = record_run(command, seed=self.seed, settings={"bodies": inputs} if inputs else None)
+        finish_scan(self.scan, scan, provenance=provenance, truth=known)

@@ -1,0 +1,170 @@
+"""Data sets: many patients under one scanner, every slice a file of its own, split by patient.
+
+Noise, tube current and tube voltage are not fixed in it: scans are drawn from the moments when they are needed.
+"""
+
+import json
+import multiprocessing
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from pnpct.files import (
+    MANIFEST,
+    SPLITS,
+    ExposedSlice,
+    ListedScan,
+    Manifest,
+    Provenance,
+    read_manifest,
+    sha256_of,
+    write_exposures,
+    write_manifest,
+)
+from pnpct.geometry import ImageGrid
+from pnpct.physics import Moments
+from pnpct.simulation.beam import scanner_beam
+from pnpct.simulation.catsim import catsim_moments
+from pnpct.simulation.phantom import truth
+from pnpct.simulation.recipe import Recipe, Station, plan
+from pnpct.simulation.scanner import SLICE_THICKNESS, as_exposure, clinical_fan_beam, simulate_moments
+from pnpct.simulation.sources import Source, fingerprint, from_files, made_up
+
+
+def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Iterator[ListedScan]:
+    """Make a data set, or what is missing of it, and yield each axial scan when its files are there.
+
+    After every scan the manifest lists it with the hashes of its files. Killed and started again it continues,
+    and the files are the same bytes as those of an uninterrupted run on the same machine.
+
+    Args:
+        folder: Where the data set shall be; it is made.
+        recipe: What it depends on; the same as that of an unfinished data set in the folder.
+        processes: How many scans are made at the same time.
+
+    Yields:
+        First what earlier runs have made, then each scan when it is done.
+
+    Raises:
+        OSError: If a file cannot be read or written, or a process dies.
+        ValueError: If the folder holds something else, or the data set of another recipe; or a body cannot be
+            scanned.
+    """
+    if processes < 1:
+        raise ValueError(f"A data set is made by at least one process, got {processes}.")
+    inputs = {path: fingerprint(Path(path)) for path in recipe.bodies}
+    settings: dict[str, Any] = json.loads(json.dumps(asdict(recipe) | {"inputs": inputs}))
+    stations = plan(recipe)
+    done = _earlier(folder, settings)
+    yield from done.values()
+    with _workers(processes) as pool:
+        jobs = [pool.submit(_scan, folder, recipe, station) for station in stations if station.name not in done]
+        try:
+            for job in as_completed(jobs):
+                scanned = job.result()
+                done[scanned.name] = scanned
+                listed = [done[station.name] for station in stations if station.name in done]
+                write_manifest(folder, Manifest(settings, listed))
+                yield scanned
+        except BrokenProcessPool as error:
+            raise OSError("A process that made scans has died, for want of memory perhaps; start again.") from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _workers(processes: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that compute the same bytes wherever their arrays happen to lie in memory."""
+    before = os.environ.get("MKL_CBWR")
+    os.environ["MKL_CBWR"] = "COMPATIBLE"
+    threads = max(1, torch.get_num_threads() // processes)
+    context = multiprocessing.get_context("spawn")
+    try:
+        with ProcessPoolExecutor(processes, context, initializer=torch.set_num_threads, initargs=(threads,)) as pool:
+            yield pool
+    finally:
+        if before is None:
+            del os.environ["MKL_CBWR"]
+        else:
+            os.environ["MKL_CBWR"] = before
+
+
+def _scan(folder: Path, recipe: Recipe, station: Station) -> ListedScan:
+    """Scan a station and write its files."""
+    source = _source(recipe, station)
+    lowest, highest = source.body.extent
+    room = highest - lowest - recipe.rows * SLICE_THICKNESS
+    if room < 0:
+        raise ValueError(
+            f"{station.source} is {highest - lowest:g} mm high, too low for {recipe.rows} rows of {SLICE_THICKNESS} mm."
+        )
+    bottom = lowest + station.share * room
+    z = tuple(bottom + (row + 0.5) * SLICE_THICKNESS for row in range(recipe.rows))
+    files = {}
+    for row, (slices, height) in enumerate(zip(_exposed(recipe, source, z), z, strict=True)):
+        name = f"{station.split}/{station.name}-row{row:02d}.h5"
+        settings = asdict(recipe) | {"station": asdict(station), "z_mm": height}
+        command = ["pnpct", "simulate", "dataset"]
+        provenance = Provenance(command, version("pnpct"), seed=recipe.seed, settings=settings)
+        description = f"{station.source}, z = {height:.3f} mm, for 1 mAs in each view"
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write_exposures(folder / name, slices, provenance=provenance, description=description)
+        files[name] = sha256_of(folder / name)
+    return ListedScan(station.name, station.source, station.patient, station.split, z, files)
+
+
+def _source(recipe: Recipe, station: Station) -> Source:
+    if station.source in recipe.bodies:
+        return from_files(Path(station.source), size=recipe.size, noise_hu=recipe.noise_hu)
+    generator = np.random.default_rng([recipe.seed, station.patient, *station.source.encode()])
+    return made_up(station.source, generator, size=recipe.size)
+
+
+def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[dict[float, ExposedSlice]]:
+    """Yield each row's exposures by tube voltage."""
+    geometry = clinical_fan_beam(views=recipe.views, bins=recipe.bins)
+    beams = {voltage: scanner_beam(geometry, tube_voltage_kvp=voltage) for voltage in recipe.tube_voltages_kvp}
+    fine = ImageGrid(2 * recipe.size, 2 * recipe.size, source.grid.spacing / 2)
+    by_catsim: dict[float, Sequence[Moments]] = {}
+    if recipe.simulator == "catsim":
+        middle = (z[0] + z[-1]) / 2
+        by_catsim = {
+            voltage: catsim_moments(source.body, geometry, tube_voltage_kvp=voltage, rows=len(z), z=middle, grid=fine)
+            for voltage in beams
+        }
+    for row, height in enumerate(z):
+        phantom = source.body.slice(height, fine)
+        moments = [of[row] for of in by_catsim.values()] or simulate_moments(phantom, geometry, [*beams.values()])
+        slices = {}
+        for (voltage, beam), each in zip(beams.items(), moments, strict=True):
+            image = truth(phantom, source.grid, energy=beam.effective_energy)
+            slices[voltage] = ExposedSlice(as_exposure(each, geometry, beam), image, source.grid)
+        yield slices
+
+
+def _earlier(folder: Path, settings: Mapping[str, Any]) -> dict[str, ListedScan]:
+    """What an earlier run has made and is still whole."""
+    found = {path.name for path in folder.iterdir()} if folder.exists() else set()
+    if MANIFEST not in found:
+        if found - set(SPLITS):
+            raise ValueError(f"{folder} holds something that is not a data set; choose another folder.")
+        return {}
+    manifest = read_manifest(folder)
+    if manifest.recipe != settings:
+        differing = ", ".join(sorted(key for key in settings if manifest.recipe.get(key) != settings[key]))
+        raise ValueError(f"{folder} holds a data set of another recipe ({differing}); choose another folder.")
+    return {scan.name: scan for scan in manifest.scans if _whole(folder, scan)}
+
+
+def _whole(folder: Path, scan: ListedScan) -> bool:
+    files = scan.files.items()
+    return all((folder / name).exists() and sha256_of(folder / name) == digest for name, digest in files)

@@ -1,0 +1,122 @@
+"""What a data set depends on, and which scans follow from it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias, cast
+
+import numpy as np
+
+from pnpct.files import Split
+from pnpct.simulation.anatomy import ANATOMIES
+
+Simulator: TypeAlias = Literal["own", "catsim"]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that a data set depends on.
+
+    Args:
+        anatomies: Which of `ANATOMIES` patients are made up of, in turns.
+        bodies: Paths of CT series and voxelised phantoms, each of them one more patient.
+        cases: Patients to make up.
+        stations: Axial scans of each patient, spread over its height.
+        rows: Detector rows, each of which gives a slice of 0.625 mm.
+        tube_voltages_kvp: Tube voltages of each scan, 70 to 140 kVp.
+        simulator: Our own, or CatSim where it is installed.
+        views: Views in a turn.
+        bins: Cells along the detector.
+        size: Rows and columns of the truth; what is scanned has pixels of half the size.
+        noise_hu: Standard deviation of the noise that is removed from CT series, HU.
+        validation: Share of the patients of each anatomy that are kept for validation.
+        test: Share that is kept for tests.
+        seed: Of everything that is drawn.
+
+    Raises:
+        ValueError: If a number is out of its range, or nobody would be scanned.
+    """
+
+    anatomies: tuple[str, ...] = tuple(ANATOMIES)
+    bodies: tuple[str, ...] = ()
+    cases: int = 40
+    stations: int = 1
+    rows: int = 32
+    tube_voltages_kvp: tuple[float, ...] = (80.0, 100.0, 120.0)
+    simulator: Simulator = "own"
+    views: int = 984
+    bins: int = 900
+    size: int = 512
+    noise_hu: float = 0.0
+    validation: float = 0.1
+    test: float = 0.1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for anatomy in self.anatomies:
+            if anatomy not in ANATOMIES:
+                raise ValueError(f'There is no anatomy "{anatomy}"; there are {", ".join(ANATOMIES)}.')
+        if self.cases < 0 or (self.cases and not self.anatomies):
+            raise ValueError(f"{self.cases} patients cannot be made up of {len(self.anatomies)} anatomies.")
+        if not (self.cases or self.bodies):
+            raise ValueError("A data set needs patients: made up, or read from files.")
+        for name in ("stations", "rows", "views", "bins", "size"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
+        if not self.tube_voltages_kvp or not all(70 <= voltage <= 140 for voltage in self.tube_voltages_kvp):
+            raise ValueError("A data set needs tube voltages, each from 70 to 140 kVp.")
+        if len(set(self.tube_voltages_kvp)) < len(self.tube_voltages_kvp):
+            raise ValueError("A tube voltage is given twice.")
+        if min(self.validation, self.test) < 0 or self.validation + self.test > 1:
+            raise ValueError("The shares for validation and tests must not be negative, nor more than 1 together.")
+        if not 0 <= self.seed < 2**63:
+            raise ValueError(f"A seed is a whole number from 0 to 2^63 - 1, got {self.seed}.")
+
+
+@dataclass(frozen=True)
+class Station:
+    """One axial scan of one patient.
+
+    Args:
+        name: Of the scan; its files are called <name>-row<number>.h5.
+        source: An anatomy, or the path of a body.
+        patient: Number of the patient among those of its source.
+        share: Where it is scanned: share of the height that can be scanned below the lowest row, 0 to 1.
+        split: What its patient is for.
+    """
+
+    name: str
+    source: str
+    patient: int
+    share: float
+    split: Split
+
+
+def plan(recipe: Recipe) -> tuple[Station, ...]:
+    """Return all axial scans of a data set, in order; which patient is for what depends on the seed.
+
+    Of three patients and more of one source, at least one is kept for validation and one for tests where a
+    share is asked for. CT series and phantoms count as patients of one source.
+    """
+    of_source: dict[str, list[tuple[str, str, int]]] = {}
+    for number in range(recipe.cases):
+        anatomy = recipe.anatomies[number % len(recipe.anatomies)]
+        patients = of_source.setdefault(anatomy, [])
+        patients.append((f"{anatomy}-{len(patients):03d}", anatomy, len(patients)))
+    of_source["own data"] = [(f"{Path(path).stem}-{n:03d}", path, n) for n, path in enumerate(recipe.bodies)]
+    stations: list[Station] = []
+    for source, patients in of_source.items():
+        draw = np.random.default_rng([recipe.seed, *source.encode()])
+        splits = _splits(recipe, len(patients), draw)
+        for (name, path, number), split in zip(patients, splits, strict=True):
+            for station in range(recipe.stations):
+                suffix = f"-{station}" if recipe.stations > 1 else ""
+                share = (station + float(draw.uniform())) / recipe.stations
+                stations.append(Station(name + suffix, path, number, share, split))
+    return tuple(stations)
+
+
+def _splits(recipe: Recipe, patients: int, draw: np.random.Generator) -> list[Split]:
+    enough = patients >= 3
+    kept = [max(round(share * patients), int(enough and share > 0)) for share in (recipe.validation, recipe.test)]
+    names = [*(kept[0] * ["validation"]), *(kept[1] * ["test"]), *(patients * ["train"])][:patients]
+    return [cast(Split, names[place]) for place in draw.permutation(patients)]

@@ -1,0 +1,93 @@
+"""Where bodies come from: our own anatomies, a CT series, or a voxelised phantom."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pnpct.denoisers import NonlocalMeans
+from pnpct.files import read_dicom_series, read_volume, read_xcist_phantom, sha256_of
+from pnpct.geometry import ImageGrid
+from pnpct.simulation.anatomy import ANATOMIES
+from pnpct.simulation.body import Body
+from pnpct.simulation.ct_body import CTBody
+from pnpct.simulation.voxel_body import VoxelBody
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A body, and where to look at it.
+
+    Args:
+        body: The body.
+        grid: Square that shows it whole.
+        height: z to look at first, mm.
+    """
+
+    body: Body
+    grid: ImageGrid
+    height: float
+
+
+def made_up(anatomy: str, generator: np.random.Generator, *, size: int = 512) -> Source:
+    """Make up a patient.
+
+    Args:
+        anatomy: One of `ANATOMIES`.
+        generator: Source of the variation between patients.
+        size: Rows and columns of the images that will be made of it.
+
+    Raises:
+        ValueError: If there is no such anatomy.
+    """
+    if anatomy not in ANATOMIES:
+        raise ValueError(f'There is no anatomy "{anatomy}"; there are {", ".join(ANATOMIES)}.')
+    chosen = ANATOMIES[anatomy]
+    grid = ImageGrid(size, size, spacing=chosen.field_of_view / size)
+    return Source(chosen.build(generator), grid, chosen.height)
+
+
+def from_files(path: Path, *, size: int = 512, noise_hu: float = 0.0) -> Source:
+    """Read a body: a folder with a DICOM CT series, a volume of HU (.npz), or an XCIST phantom (.json, .zip).
+
+    Args:
+        path: The folder or file.
+        size: Rows and columns of the images that will be made of it.
+        noise_hu: Standard deviation of the noise of a CT series, HU, which non-local means removes; 0 keeps it.
+
+    Raises:
+        OSError: If it is not there or cannot be read.
+        ValueError: If it is none of these, or not whole, or the noise is negative or that of a phantom.
+    """
+    if path.is_dir() or path.suffix in (".npz", ".npy"):
+        series = read_dicom_series(path) if path.is_dir() else read_volume(path)
+        denoise = NonlocalMeans(noise_hu / 1000) if noise_hu else None
+        side = series.grid.spacing * max(series.grid.shape)
+        return _source(CTBody(series, denoise=denoise), side, size)
+    if path.suffix in (".json", ".zip"):
+        if noise_hu:
+            raise ValueError(f"{path} is a phantom, which has no noise to remove; leave out its noise.")
+        body = VoxelBody(read_xcist_phantom(path))
+        reach = max(max(abs(each.grid.x).max(), abs(each.grid.y).max()) for each in body.maps)
+        return _source(body, 2 * float(reach), size)
+    raise ValueError(
+        f"{path}: a body is read from a folder of DICOM images, a volume of HU (.npz, .npy), or an XCIST phantom "
+        "(.json, .zip)."
+    )
+
+
+def _source(body: Body, side: float, size: int) -> Source:
+    return Source(body, ImageGrid(size, size, spacing=side / size), sum(body.extent) / 2)
+
+
+def fingerprint(path: Path) -> str:
+    """Return the SHA-256 of a file, or of the names and contents of the files in a folder.
+
+    Raises:
+        OSError: If something cannot be read.
+    """
+    if not path.is_dir():
+        return sha256_of(path)
+    files = sorted(file for file in path.iterdir() if file.is_file())
+    return hashlib.sha256("".join(f"{file.name} {sha256_of(file)}\n" for file in files).encode()).hexdigest()

@@ -1,0 +1,263 @@
+import importlib.util
+import math
+import sys
+import tempfile
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import torch
+
+from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+from pnpct.simulation import Phantom, scanner_beam, simulate_moments
+from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
+
+GRID = ImageGrid(64, 64, spacing=4.0)
+GEOMETRY = FanBeam(
+    evenly_spaced_views(24),
+    bins=48,
+    source_to_isocenter=541.0,
+    source_to_detector=949.0,
+    bin_width=12.0,
+    detector_offset=0.25,
+)
+needs_catsim = pytest.mark.skipif(importlib.util.find_spec("gecatsim") is None, reason="CatSim is not installed")
+
+
+def disc(radius=80.0, *, grid=GRID, center=(20.0, -10.0), material="water"):
+    x, y = torch.from_numpy(grid.x)[None, :], torch.from_numpy(grid.y.copy())[:, None]
+    inside = ((x - center[0]) ** 2 + (y - center[1]) ** 2 < radius**2).float()
+    return Phantom(("air", material), torch.stack([1 - inside, inside]), grid)
+
+
+def by_ours(phantom, geometry, **options):
+    return simulate_moments(phantom, geometry, [scanner_beam(geometry, **options)])[0]
+
+
+def line_integrals(moments):
+    return -torch.log(moments.signal_mean / moments.air_mean)
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A body that is a wide disc below z = 2 mm and a narrow one above."""
+
+    extent: tuple[float, float] = (-20.0, 30.0)
+
+    def slice(self, z, grid):
+        return disc(80.0 if z < 2.0 else 50.0, grid=grid)
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """Where temporary folders go during a test."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def of_disc():
+    return catsim_moments(disc(), GEOMETRY)[0]
+
+
+@needs_catsim
+def test_air_and_line_integrals_of_water_are_those_of_our_simulator(of_disc):
+    ours = by_ours(disc(), GEOMETRY)
+    torch.testing.assert_close(of_disc.air_mean.double(), ours.air_mean.double(), rtol=0.02, atol=0)
+    torch.testing.assert_close(of_disc.quantum.double(), ours.quantum.double(), rtol=0.02, atol=0)
+    assert of_disc.electronic_noise == pytest.approx(ours.electronic_noise, rel=1e-3)
+    theirs, expected = line_integrals(of_disc), line_integrals(ours)
+    assert expected.max() > 3
+    assert (theirs - expected).norm() < 0.004 * expected.norm()
+    torch.testing.assert_close(theirs, expected, rtol=0, atol=0.03)
+
+
+@needs_catsim
+@pytest.mark.parametrize("material", ["lung", "cortical bone"])
+def test_other_materials_attenuate_alike(material):
+    phantom = disc(40.0, material=material)
+    geometry = replace(GEOMETRY, view_angles=(0.4,))
+    ours = line_integrals(by_ours(phantom, geometry))
+    theirs = line_integrals(catsim_moments(phantom, geometry)[0])
+    assert (theirs - ours).norm() < 0.01 * ours.norm()
+
+
+@needs_catsim
+def test_views_may_turn_clockwise_from_any_angle():
+    geometry = replace(GEOMETRY, view_angles=[0.7 - 2 * math.pi * view / 8 for view in range(8)], detector_offset=-1.25)
+    phantom = disc(50.0, grid=ImageGrid(50, 64, spacing=4.0, center=(12.0, -31.0)), center=(45.0, -60.0))
+    ours = by_ours(phantom, geometry, tube_voltage_kvp=80.0)
+    theirs = catsim_moments(phantom, geometry, tube_voltage_kvp=80.0)[0]
+    difference = line_integrals(theirs) - line_integrals(ours)
+    assert difference.norm() < 0.006 * line_integrals(ours).norm()
+
+
+@needs_catsim
+def test_all_rows_see_a_slab_alike(of_disc):
+    geometry = replace(GEOMETRY, view_angles=evenly_spaced_views(1))
+    for row in catsim_moments(disc(), geometry, rows=2):
+        torch.testing.assert_close(line_integrals(row), line_integrals(of_disc)[:1], rtol=0, atol=1e-4)
+
+
+@needs_catsim
+def test_rows_see_the_slices_of_a_body_from_the_lowest_up(temporary, capfd):
+    geometry = replace(GEOMETRY, view_angles=evenly_spaced_views(2))
+    rows = catsim_moments(Steps(), geometry, rows=8, z=2.0, grid=GRID)
+    expected = {radius: line_integrals(by_ours(disc(radius), geometry)) for radius in (80.0, 50.0)}
+    # The row that touches the step sees both of its sides where the fan is not yet, or no longer, at the isocentre.
+    for row, radius in ((0, 80.0), (1, 80.0), (2, 80.0), (5, 50.0), (6, 50.0), (7, 50.0)):
+        difference = line_integrals(rows[row]) - expected[radius]
+        assert difference.norm() < 0.006 * expected[radius].norm()
+    assert capfd.readouterr() == ("", "")
+    assert list(temporary.iterdir()) == []
+
+
+@needs_catsim
+def test_an_object_of_air_is_the_air_scan():
+    air = Phantom(("air",), torch.ones(1, 64, 64), GRID)
+    moments = catsim_moments(air, replace(GEOMETRY, view_angles=(0.0,)))[0]
+    torch.testing.assert_close(moments.signal_mean[0], moments.air_mean, rtol=1e-6, atol=0)
+
+
+@needs_catsim
+def test_samples_blur_and_energy_bins_refine():
+    geometry = replace(GEOMETRY, view_angles=evenly_spaced_views(4))
+    sharp, blurred, coarse = (
+        line_integrals(catsim_moments(disc(), geometry, sampling=sampling, energy_bins=bins)[0])
+        for sampling, bins in ((CatSimSampling(), 20), (CatSimSampling((2, 2), 3), 20), (CatSimSampling(), 4))
+    )
+    for other in (blurred, coarse):
+        assert 1e-4 < (other - sharp).norm() / sharp.norm() < 0.1
+
+
+@needs_catsim
+def test_the_noise_of_catsim_follows_its_seed_and_the_moments(of_disc):
+    first, again, other = (
+        catsim_scan(disc(), GEOMETRY, tube_current_ma=40.0, rotation_time=0.5, seed=seed) for seed in (5, 5, 6)
+    )
+    assert torch.equal(first.counts, again.counts)
+    assert first.geometry == GEOMETRY
+    dose = 40.0 * 0.5 / GEOMETRY.views
+    deviation = (dose * of_disc.signal_variance + of_disc.electronic_noise**2).sqrt()
+    torch.testing.assert_close(first.incident * 70.0, dose * of_disc.air_mean, rtol=1e-4, atol=0)
+    scores = torch.stack([(scan.counts * 70.0 - dose * of_disc.signal_mean) / deviation for scan in (first, other)])
+    rays = scores[0].numel()
+    assert scores.mean(dim=(1, 2)).abs().max() < 4 / math.sqrt(rays)
+    torch.testing.assert_close(scores.var(dim=(1, 2)), torch.ones(2), rtol=0, atol=4 * math.sqrt(2 / rays))
+    assert abs(float((scores[0] * scores[1]).mean())) < 4 / math.sqrt(rays)
+
+
+def test_without_catsim_one_sentence_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gecatsim", None)
+    for scan in (catsim_moments, lambda *what: catsim_scan(*what, tube_current_ma=40.0, seed=1)):
+        with pytest.raises(
+            ImportError, match=r"^CatSim is not installed; install it with: pip install 'pnpct\[catsim\]'\.$"
+        ):
+            scan(disc(), GEOMETRY)
+
+
+@pytest.fixture
+def catsim_that(tmp_path_factory, monkeypatch):
+    """Put a package in CatSim's place that does something else when it is imported."""
+
+    def install(does):
+        folder = tmp_path_factory.mktemp("packages")
+        (folder / "gecatsim").mkdir()
+        (folder / "gecatsim" / "__init__.py").write_text(does)
+        monkeypatch.setenv("PYTHONPATH", str(folder))
+        monkeypatch.syspath_prepend(folder)
+
+    return install
+
+
+@pytest.mark.parametrize(
+    ("does", "message"),
+    [
+        ("print('noise')\nraise RuntimeError('it broke on purpose.')", r"RuntimeError: it broke on purpose\.$"),
+        ("print('Error! of its own')\nraise SystemExit(1)", r"Error! of its own\.$"),
+        ("raise SystemExit(3)", r"it gave no reason\.$"),
+        ("print('*** Error -2: no memory!')\nprint('Simulation is done')\nraise SystemExit(0)", "Error -2: no memory!"),
+    ],
+)
+def test_a_failure_of_catsim_is_one_sentence_and_leaves_nothing(catsim_that, temporary, capfd, does, message):
+    catsim_that(does)
+    with pytest.raises(ChildProcessError, match=r"^CatSim failed: .*" + message):
+        catsim_moments(disc(), GEOMETRY)
+    assert capfd.readouterr() == ("", "")
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no signals")
+def test_a_killed_catsim_is_one_sentence(catsim_that, temporary):
+    catsim_that("import os\nos.kill(os.getpid(), 9)")
+    with pytest.raises(ChildProcessError, match="ended by signal 9, perhaps for want of memory"):
+        catsim_moments(disc(), GEOMETRY)
+    assert list(temporary.iterdir()) == []
+
+
+SHIFTS = [(0.5, 0.0)] * 24
+EARLIER = (0.0, *GEOMETRY.view_angles[:-1])
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "message"),
+    [
+        ({"detector": "flat"}, {}, "arc detectors here, this one is flat"),
+        ({"focal_spot_shifts": SHIFTS}, {}, "this geometry shifts it"),
+        ({"view_angles": GEOMETRY.view_angles[:-1]}, {}, "evenly spaced views of one full turn"),
+        ({"view_angles": EARLIER}, {}, "evenly spaced views of one full turn"),
+        ({"source_to_isocenter": 180.0}, {}, r"reach 181\.0\d+ mm .* focal spot at 180 mm; take a smaller grid"),
+        ({}, {"tube_voltage_kvp": 125.0}, r"70 to 140 kVp in steps of 10, got 125\.0 kVp"),
+        ({}, {"rows": 0}, "at least one row, got 0"),
+        ({}, {"energy_bins": 0}, "at least one energy bin, got 0"),
+        ({}, {"z": 3.0}, "same at every z"),
+        ({}, {"grid": GRID}, "same at every z"),
+    ],
+)
+def test_what_catsim_cannot_take_is_one_sentence(catsim_that, changes, options, message):
+    catsim_that("raise RuntimeError('CatSim must not be asked')")
+    with pytest.raises(ValueError, match=message):
+        catsim_moments(disc(), replace(GEOMETRY, **changes), **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"tube_current_ma": 0.0}, r"tube_current_ma must be positive, in mA, got 0\.0"),
+        ({"rotation_time": math.inf}, "rotation_time must be positive, in s, got inf"),
+        ({"seed": -1}, "A seed of CatSim is from 0 to 100000000, got -1"),
+        ({"seed": 2**31}, "A seed of CatSim is from 0"),
+    ],
+)
+def test_impossible_scans_are_refused(catsim_that, options, message):
+    catsim_that("raise RuntimeError('CatSim must not be asked')")
+    with pytest.raises(ValueError, match=message):
+        catsim_scan(disc(), GEOMETRY, **{"tube_current_ma": 40.0, "seed": 0, **options})
+
+
+def test_a_body_must_be_known_as_far_as_the_cone_reaches(catsim_that):
+    catsim_that("raise RuntimeError('CatSim must not be asked')")
+    asked = []
+
+    class Short(Steps):
+        def slice(self, z, grid):
+            asked.append(z)
+            return super().slice(z, grid)
+
+    # Eight rows are 5 mm high at the isocentre, and the corner of the pixels is 181 mm beyond it.
+    reach = 2.5 * (541 + GRID.radius) / 541
+    with pytest.raises(
+        ValueError, match=r"8 detector rows at z = 0 mm need the body from -3\.4\d+ to 3\.4\d+ mm, .* -3 to 3 mm"
+    ):
+        catsim_moments(Short((-3.0, 3.0)), GEOMETRY, rows=8, grid=GRID)
+    with pytest.raises(ChildProcessError, match="CatSim must not be asked"):
+        catsim_moments(Short((-20.0, 20.0)), GEOMETRY, rows=8, grid=GRID)
+    assert max(asked) + 0.3125 >= reach
+    np.testing.assert_allclose(np.diff(asked), 0.625)
+    assert sum(asked) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("sampling", [{"focal_spot": (0, 1)}, {"views": 0}])
+def test_less_than_one_sample_is_refused(sampling):
+    with pytest.raises(ValueError, match="at least one sample of everything"):
+        CatSimSampling(**sampling)

@@ -1,0 +1,139 @@
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pnpct.files import read_exposure, read_manifest, sha256_of
+from pnpct.simulation import Recipe, plan, simulate_dataset
+
+SMALL = Recipe(anatomies=("chest",), cases=3, rows=2, tube_voltages_kvp=(80.0, 120.0), views=12, bins=40, size=32)
+
+
+def fingerprints(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data") / "set"
+    assert len(list(simulate_dataset(folder, SMALL, processes=2))) == 3
+    return folder
+
+
+def test_patients_are_split_and_every_slice_is_listed_with_its_hash(made: Path) -> None:
+    manifest = read_manifest(made)
+    assert sorted(scan.split for scan in manifest.scans) == ["test", "train", "validation"]
+    listed = {name: digest for scan in manifest.scans for name, digest in scan.files.items()}
+    assert len(listed) == 6
+    assert all(sha256_of(made / name) == digest for name, digest in listed.items())
+    assert set(fingerprints(made)) == {*listed, "manifest.json"}
+    heights = np.array([scan.z_mm for scan in manifest.scans])
+    np.testing.assert_allclose(np.diff(heights, axis=1), 0.625)
+
+
+def test_slices_hold_exposures_at_all_voltages_with_the_truth(made: Path) -> None:
+    (name, *_) = read_manifest(made).files("train")
+    low, high = (read_exposure(made / name, tube_voltage_kvp=voltage) for voltage in (80.0, 120.0))
+    assert low.exposure.moments.signal_mean.shape == (12, 40)
+    assert low.truth is not None
+    assert high.truth is not None
+    # Bone attenuates low energies more than water does.
+    assert low.truth.max() > high.truth.max()
+    generator = torch.Generator().manual_seed(0)
+    assert low.exposure.scan(tube_current_ma=40.0, generator=generator).counts.min() < 1e5
+
+
+def test_an_interrupted_run_continues_and_its_bytes_are_those_of_an_uninterrupted_one(
+    made: Path, tmp_path: Path
+) -> None:
+    code = (
+        "from pathlib import Path; from pnpct.simulation import Recipe, simulate_dataset\n"
+        f"for _ in simulate_dataset(Path({str(tmp_path / 'set')!r}), {SMALL!r}): print('one', flush=True)\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(f"if __name__ == '__main__':\n    {code.splitlines()[0]}\n    {code.splitlines()[1]}\n")
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, env=environment) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"one\n"
+        process.send_signal(signal.SIGKILL)
+    time.sleep(0.5)
+    assert len(read_manifest(tmp_path / "set").scans) < 3
+    scans = list(simulate_dataset(tmp_path / "set", SMALL, processes=1))
+    assert len(scans) == 3
+    assert fingerprints(tmp_path / "set") == fingerprints(made)
+
+
+def test_a_whole_data_set_is_not_made_again_and_a_damaged_file_is(made: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    before = fingerprints(made)
+    for name in before:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes((made / name).read_bytes())
+    damaged = folder / read_manifest(folder).files("train")[0]
+    untouched = folder / read_manifest(folder).files("test")[0]
+    then = untouched.stat().st_mtime_ns
+    damaged.write_bytes(damaged.read_bytes()[:100])
+    assert len(list(simulate_dataset(folder, SMALL))) == 3
+    assert fingerprints(folder) == before
+    assert untouched.stat().st_mtime_ns == then
+
+
+def test_another_recipe_or_another_folder_is_left_alone(made: Path, tmp_path: Path) -> None:
+    other = Recipe(**{**vars(SMALL), "seed": 5})
+    with pytest.raises(ValueError, match=r"another recipe \(seed\)"):
+        list(simulate_dataset(made, other))
+    (tmp_path / "thesis.txt").write_text("all of it")
+    with pytest.raises(ValueError, match="not a data set"):
+        list(simulate_dataset(tmp_path, SMALL))
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_the_plan_keeps_all_scans_of_a_patient_together_and_depends_on_the_seed() -> None:
+    recipe = Recipe(anatomies=("chest",), cases=20, stations=3, validation=0.2, test=0.1)
+    stations = plan(recipe)
+    assert len(stations) == 60
+    of_patient: dict[int, set[str]] = {}
+    for station in stations:
+        of_patient.setdefault(station.patient, set()).add(station.split)
+    assert all(len(splits) == 1 for splits in of_patient.values())
+    splits = [next(iter(of_patient[number])) for number in range(20)]
+    assert [splits.count(name) for name in ("train", "validation", "test")] == [14, 4, 2]
+    shares = [station.share for station in stations[:3]]
+    assert all(number / 3 <= share <= (number + 1) / 3 for number, share in enumerate(shares))
+    assert plan(recipe) == stations
+    assert plan(Recipe(**{**vars(recipe), "seed": 1})) != stations
+
+
+def test_a_body_that_is_too_low_is_refused(tmp_path: Path) -> None:
+    tall = Recipe(**{**vars(SMALL), "rows": 1000})
+    with pytest.raises(ValueError, match="too low for 1000 rows"):
+        list(simulate_dataset(tmp_path / "set", tall))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"anatomies": ("tail",)}, 'no anatomy "tail"'),
+        ({"cases": 0}, "needs patients"),
+        ({"rows": 0}, "rows must be at least 1"),
+        ({"tube_voltages_kvp": (60.0,)}, "70 to 140 kVp"),
+        ({"tube_voltages_kvp": (80.0, 80.0)}, "given twice"),
+        ({"validation": 0.9, "test": 0.2}, "nor more than 1 together"),
+        ({"seed": -1}, "A seed"),
+    ],
+)
+def test_recipes_that_cannot_be_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Recipe(**{**vars(SMALL), **change})
