@@ -1,13 +1,12 @@
 """The methods of `pnpct reconstruct`, each with the options that have an effect on it."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from pnpct.arrays import Image
+from pnpct.cli.denoisers import TV_STRENGTH, checked_strength, choose_denoiser
 from pnpct.cli.terminal import track, working
-from pnpct.denoisers import make_denoiser
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction import (
@@ -27,13 +26,6 @@ from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
 from pnpct.reconstruction.pnp_admm import BETA
 from pnpct.reconstruction.reconstruct import ITERATIONS
 from pnpct.reconstruction.solvers import ITERATIVE
-from pnpct.reconstruction.tv_pwls import STRENGTH
-
-TV_STRENGTH = 1000 * STRENGTH
-"""λ of the method tv, HU × pixel."""
-
-STRENGTHS = {"tv": TV_STRENGTH / BETA, "nonlocal-means": 70.0, "gaussian": 1.0}
-"""Strength of each denoiser, in its unit, that suits a body at a low dose; with tv the image is that of the method."""
 
 Reconstructed = tuple[Image, dict[str, Any]]
 """An image, and the settings that mattered for it."""
@@ -55,7 +47,7 @@ class FilteredBackProjection:
 
 @dataclass(frozen=True)
 class PlugAndPlay:
-    """Plug-and-play ADMM from a smooth FBP image on; `strength` is that of `STRENGTHS` if it is None."""
+    """Plug-and-play ADMM from a smooth FBP image on; `strength` is as `choose_denoiser` takes it."""
 
     denoiser: str = "tv"
     strength: float | None = None
@@ -70,15 +62,15 @@ class PlugAndPlay:
         """Return the image, the denoised iterate."""
         if self.beta is not None and self.sigma_v is not None:
             raise ValueError("--beta and --sigma-v say one thing in two units; give one of them.")
-        strength = _checked(STRENGTHS.get(self.denoiser, 0.0) if self.strength is None else self.strength)
-        denoise = make_denoiser(self.denoiser, strength)
+        device = sinogram.line_integrals.device
+        denoise, of_denoiser = choose_denoiser(self.denoiser, self.strength, device=device)
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
         beta = BETA if self.beta is None else self.beta
         beta = beta if self.sigma_v is None else beta_from_sigma_v(self.sigma_v, sinogram, projector)
         start = _start(sinogram, projector)
         states = pnp_admm(sinogram, projector, denoise, start, beta=beta, solver=solver)
         image, how_far = _last(states, start, self.iterations, self.stop)
-        settings = {**asdict(self), **how_far, "strength": strength, "beta": beta}
+        settings = {**asdict(self), **how_far, **of_denoiser, "beta": beta}
         del settings["sigma_v"]
         settings["sigma_v_hu"] = sigma_v_from_beta(beta, sinogram, projector)
         if self.inner_iterations is None and self.solver in ITERATIVE:
@@ -98,7 +90,7 @@ class TotalVariationLeastSquares:
     def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
         """Return the image."""
         start = _start(sinogram, projector)
-        states = tv_pwls(sinogram, projector, start, strength=_checked(self.strength) / 1000, beta=self.beta)
+        states = tv_pwls(sinogram, projector, start, strength=checked_strength(self.strength) / 1000, beta=self.beta)
         image, how_far = _last(states, start, self.iterations, self.stop)
         return image, {**asdict(self), **how_far}
 
@@ -130,13 +122,6 @@ def make_method(name: str, options: Mapping[str, Any]) -> Method:
 
 def _options_of(name: str) -> set[str]:
     return {field.name for field in fields(METHODS[name])}
-
-
-def _checked(strength: float) -> float:
-    # Here, since the denoisers would say it in units of the image.
-    if not 0 <= strength < math.inf:
-        raise ValueError(f"The strength must be a number from 0 up, got {strength:g}.")
-    return strength
 
 
 def _start(sinogram: Sinogram, projector: Projector) -> ADMMState:

@@ -3,16 +3,9 @@
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal
 
-from pnpct.cli.methods import (
-    STRENGTHS,
-    TV_STRENGTH,
-    FilteredBackProjection,
-    Method,
-    PlugAndPlay,
-    make_method,
-)
+from pnpct.cli.denoisers import CHOICES, STRENGTHS, TV_STRENGTH
+from pnpct.cli.methods import FilteredBackProjection, Method, PlugAndPlay, make_method
 from pnpct.cli.parsing import option
-from pnpct.denoisers import DENOISERS
 from pnpct.operators import Kernel
 from pnpct.reconstruction import RuleName, SolverName
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
@@ -28,9 +21,9 @@ class MethodOptions:
     Args:
         method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation.
         kernel: Filter of fbp, from sharp to smooth.
-        denoiser: Denoiser of pnp.
-        strength: How much pnp and tv smooth; in HU times pixels for tv, HU of noise for nonlocal-means, pixels for
-            gaussian. It was chosen for a body at a low dose.
+        denoiser: Denoiser of pnp: a classical one, or the file of a trained network.
+        strength: How much pnp and tv smooth; in HU times pixels for tv, HU of noise for nonlocal-means and
+            networks that are told it, pixels for gaussian. It was chosen for a body at a low dose.
         beta: Penalty of pnp and tv, relative to the mean diagonal of the normal equations.
         sigma_v: The penalty of pnp in other words, instead of beta: how well the denoised image is known, HU.
         iterations: Most iterations of pnp and tv.
@@ -41,7 +34,7 @@ class MethodOptions:
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"
     kernel: Annotated[Kernel | None, option(default=FilteredBackProjection.kernel)] = None
-    denoiser: Annotated[str | None, option(default=PlugAndPlay.denoiser, metavar=f"{{{','.join(DENOISERS)}}}")] = None
+    denoiser: Annotated[str | None, option(default=PlugAndPlay.denoiser, metavar=CHOICES)] = None
     strength: Annotated[float | None, option(default=f"{_STRENGTH}; {TV_STRENGTH:g} for the method tv")] = None
     beta: Annotated[float | None, option(default=BETA)] = None
     sigma_v: float | None = None

@@ -3,6 +3,7 @@
 from pnpct.files.array_file import load_array
 from pnpct.files.atomic import atomic_path
 from pnpct.files.catsim_results import scan_from_catsim
+from pnpct.files.checkpoint import load_denoiser, load_network, network_file, network_names, save_network
 from pnpct.files.dicom_series import read_dicom_series
 from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
@@ -12,6 +13,7 @@ from pnpct.files.image_file import read_image, write_image
 from pnpct.files.image_series import ImageSeries, read_volume
 from pnpct.files.importers import scan_from_arrays
 from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
+from pnpct.files.onnx_file import export_onnx
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
 from pnpct.files.scan_file import read_scan, read_truth, write_scan
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
@@ -30,7 +32,12 @@ __all__ = [
     "WrittenGeometry",
     "atomic_path",
     "describe_file",
+    "export_onnx",
     "load_array",
+    "load_denoiser",
+    "load_network",
+    "network_file",
+    "network_names",
     "read_dicom_series",
     "read_exposure",
     "read_geometry",
@@ -41,6 +48,7 @@ __all__ = [
     "read_volume",
     "read_xcist_phantom",
     "record_run",
+    "save_network",
     "scan_from_arrays",
     "scan_from_catsim",
     "sha256_of",

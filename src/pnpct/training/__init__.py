@@ -10,14 +10,23 @@ from pnpct.training.losses import (
     stage_two_loss,
     texture_loss,
 )
+from pnpct.training.pairs import MakeImage, Pair, Pairs
+from pnpct.training.two_stage import Epoch, Stage, train, two_stage
 
 __all__ = [
+    "Epoch",
     "Form",
     "LossTerm",
+    "MakeImage",
+    "Pair",
+    "Pairs",
+    "Stage",
     "contrast_loss",
     "mean_squared_error",
     "ssim_loss",
     "stage_one_loss",
     "stage_two_loss",
     "texture_loss",
+    "train",
+    "two_stage",
 ]

@@ -1,0 +1,63 @@
+"""The denoisers of the commands: classical ones by name, networks by name or file, each with its strength."""
+
+import math
+from typing import Any
+
+import torch
+
+from pnpct.denoisers import DENOISERS, Denoise, as_denoiser, make_denoiser
+from pnpct.denoisers.noise_level import is_told_noise_level
+from pnpct.files import load_network, network_file, network_names, sha256_of
+from pnpct.reconstruction.pnp_admm import BETA
+from pnpct.reconstruction.tv_pwls import STRENGTH
+
+TV_STRENGTH = 1000 * STRENGTH
+"""λ of the method tv, HU × pixel."""
+
+STRENGTHS = {"tv": TV_STRENGTH / BETA, "nonlocal-means": 70.0, "gaussian": 1.0}
+"""Strength of each denoiser, in its unit, that suits a body at a low dose; with tv the image is that of the method."""
+
+CHOICES = "|".join([f"{{{','.join(DENOISERS)}}}", *network_names(), "FILE.safetensors"])
+"""What the help shows for a denoiser."""
+
+
+def choose_denoiser(name: str, strength: float | None, *, device: torch.device) -> tuple[Denoise, dict[str, Any]]:
+    """Return a denoiser, and the settings that say which it is.
+
+    Args:
+        name: One of `DENOISERS`, a trained network that comes with the package, or a .safetensors file.
+        strength: Its strength, that of `STRENGTHS` if None; HU of noise for networks that are told the noise level.
+        device: Where a network computes.
+
+    Raises:
+        OSError: If a network cannot be read.
+        ValueError: If there is no such denoiser, the strength is out of its range, or a network is given one that it
+            has no use for, or lacks one.
+    """
+    if name in DENOISERS:
+        strength = checked_strength(STRENGTHS[name] if strength is None else strength)
+        return make_denoiser(name, strength), {"denoiser": name, "strength": strength}
+    if not name.endswith(".safetensors") and name not in network_names():
+        there = ", ".join([*DENOISERS, *network_names()])
+        raise ValueError(f'There is no denoiser "{name}"; there are {there}, and .safetensors files of networks.')
+    path = network_file(name)
+    network = load_network(path).to(device)
+    if is_told_noise_level(network) and strength is None:
+        raise ValueError(f"{name} is told how noisy the image is: give --strength, in HU.")
+    if strength is not None and not is_told_noise_level(network):
+        raise ValueError(f"--strength has no effect on {name}, which is not told the noise level; leave it out.")
+    level = None if strength is None else checked_strength(strength) / 1000
+    settings = {"denoiser": name, "denoiser_sha256": sha256_of(path), "strength": strength}
+    return as_denoiser(network, noise_level=level), settings
+
+
+def checked_strength(strength: float) -> float:
+    """Return a strength.
+
+    Raises:
+        ValueError: If it is negative or not finite.
+    """
+    # Here, since the denoisers would say it in units of the image.
+    if not 0 <= strength < math.inf:
+        raise ValueError(f"The strength must be a number from 0 up, got {strength:g}.")
+    return strength

@@ -1,0 +1,252 @@
+"""Trained networks on disk: <name>.safetensors holds the numbers, <name>.safetensors.json says what they are.
+
+Neither file holds code: whatever is in them, reading them runs nothing.
+"""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, get_args
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor, nn
+
+from pnpct.denoisers import RDNCBAM, REDCNN, Denoise, RDNSize, as_denoiser
+from pnpct.denoisers.attention import Attention
+from pnpct.denoisers.noise_level import NoiseLevel
+from pnpct.files.atomic import atomic_path
+from pnpct.files.errors import FileFormatError, PathLike, existing_file
+
+FORMAT = "pnpct-network"
+FORMAT_VERSION = 1
+SUFFIX = ".safetensors"
+ARCHITECTURES = ("rdn-cbam", "red-cnn")
+NORMALISATION = "HU/1000"
+"""What the networks see: HU / 1000, made inside them of the image relative to water."""
+UNITS = "attenuation relative to water (air 0, water 1; HU = 1000 (image - 1))"
+ABOUT = ("command", "licence", "manifest_sha256", "metrics", "seed")
+"""What must be said about a network: the command line, the licence, the SHA-256 of the manifest of the training data,
+figures of merit and the seed; each may be None where there is none."""
+WEIGHTS = Path(str(files("pnpct.denoisers"))) / "weights"
+"""Folder of the networks that come with the package."""
+
+
+def save_network(path: PathLike, network: nn.Module, *, about: Mapping[str, Any]) -> None:
+    """Write a network, and beside it what it is.
+
+    The same network with the same words about it makes the same bytes. Should the machine stop between the renaming
+    of the two files, their fingerprints do not match and `load_network` refuses them.
+
+    Args:
+        path: Where the numbers shall be, .safetensors; older files are replaced.
+        network: An `RDNCBAM` or a `REDCNN`; its parameters are kept as float32.
+        about: Plain values by name, those of `ABOUT` among them.
+
+    Raises:
+        OSError: If a file cannot be written.
+        ValueError: If the suffix is another, the network is of another kind or has parameters that are not finite,
+            or `about` lacks something or cannot be written as JSON.
+
+    Example:
+        >>> import tempfile
+        >>> path = Path(tempfile.mkdtemp()) / "tiny.safetensors"
+        >>> save_network(path, REDCNN(filters=2), about=dict.fromkeys(ABOUT))
+        >>> load_network(path).filters
+        2
+    """
+    path = Path(path)
+    if path.suffix != SUFFIX:
+        raise ValueError(f"The file of a network must end in {SUFFIX}, got {path.name}.")
+    description = _describe(network)
+    about = _plain(about)
+    tensors = {name: tensor.detach().cpu().float().contiguous() for name, tensor in network.state_dict().items()}
+    if broken := [name for name, tensor in tensors.items() if not tensor.isfinite().all()]:
+        raise ValueError(f"{path} was not written: the parameters {_first_of(broken)} are not finite.")
+    numbers = save(tensors)
+    content = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "pnpct": version("pnpct"),
+        **description,
+        "normalisation": NORMALISATION,
+        "units": UNITS,
+        "sha256": hashlib.sha256(numbers).hexdigest(),
+        "about": about,
+    }
+    with atomic_path(_sidecar(path)) as temporary_sidecar, atomic_path(path) as temporary:
+        # On the disk before the first renaming, so that a full disk spares both older files.
+        with temporary_sidecar.open("w", encoding="utf-8") as file:
+            file.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.write_bytes(numbers)
+
+
+def load_network(path: PathLike) -> nn.Module:
+    """Read what `save_network` wrote.
+
+    Args:
+        path: The .safetensors file.
+
+    Returns:
+        The network, on the processor, in the state of training.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If what it is stands nowhere, or does not match the numbers or this version of pnpct.
+    """
+    path = existing_file(path)
+    sidecar = _sidecar(path)
+    if not sidecar.is_file():
+        raise FileFormatError(f"{path} comes without {sidecar.name}, which says what network it is; copy both files.")
+    content = _read_sidecar(sidecar)
+    network = _build(sidecar, content)
+    numbers = path.read_bytes()
+    if hashlib.sha256(numbers).hexdigest() != content.get("sha256"):
+        raise FileFormatError(f"{path} is not the file that {sidecar.name} describes (SHA-256); copy both again.")
+    try:
+        tensors = {name: tensor.clone() for name, tensor in load(numbers).items()}
+    except (SafetensorError, KeyError, ValueError) as error:
+        raise FileFormatError(f"{path} is not a whole {SUFFIX} file; copy it again.") from error
+    _check_tensors(path, tensors, network.state_dict())
+    network.load_state_dict(tensors, assign=True)
+    return network
+
+
+def load_denoiser(name_or_path: PathLike, *, noise_level: NoiseLevel | None = None, bfloat16: bool = False) -> Denoise:
+    """Make a denoiser of a network on disk.
+
+    It computes on the processor; `as_denoiser(load_network(path).to(device))` computes elsewhere.
+
+    Args:
+        name_or_path: A .safetensors file, or one of `network_names`.
+        noise_level: Standard deviation of the noise in units of the image, ≥ 0, or a map; for networks that are
+            told it, and only for these.
+        bfloat16: Compute with 8 bits of precision inside the network; see `as_denoiser`.
+
+    Raises:
+        OSError: If there is no such network or it cannot be read.
+        FileFormatError: As `load_network`.
+        ValueError: If the noise level is missing, not wanted, negative or not finite.
+    """
+    return as_denoiser(load_network(network_file(name_or_path)), noise_level=noise_level, bfloat16=bfloat16)
+
+
+def network_names() -> tuple[str, ...]:
+    """Return the names of the trained networks that come with the package."""
+    return tuple(sorted(path.stem for path in WEIGHTS.glob(f"*{SUFFIX}")))
+
+
+def network_file(name_or_path: PathLike) -> Path:
+    """Return the .safetensors file of a network.
+
+    Args:
+        name_or_path: Such a file, or one of `network_names`.
+
+    Raises:
+        FileNotFoundError: If no network has this name.
+    """
+    if Path(name_or_path).suffix == SUFFIX:
+        return Path(name_or_path)
+    if (name := os.fspath(name_or_path)) not in network_names():
+        there = f"there are {', '.join(network_names())}" if network_names() else "none comes with this version"
+        raise FileNotFoundError(f'There is no trained network "{name}"; {there}; or give a {SUFFIX} file.')
+    return WEIGHTS / f"{name}{SUFFIX}"
+
+
+def _sidecar(path: Path) -> Path:
+    return path.with_name(path.name + ".json")
+
+
+def _describe(network: nn.Module) -> dict[str, Any]:
+    # What inherits from these may compute something else with the same numbers.
+    if type(network) is RDNCBAM:
+        told: dict[str, Any] = {"noise_input": network.noise_input, "attention": network.attention}
+        return {"architecture": "rdn-cbam", "size": asdict(network.size), **told}
+    if type(network) is REDCNN:
+        return {
+            "architecture": "red-cnn",
+            "size": {"filters": network.filters},
+            "noise_input": False,
+            "attention": None,
+        }
+    raise ValueError(f"Only an RDNCBAM or a REDCNN can be written, got {type(network).__name__}.")
+
+
+def _plain(about: Mapping[str, Any]) -> dict[str, Any]:
+    if missing := [name for name in ABOUT if name not in about]:
+        raise ValueError(f"What is said about a network must name {', '.join(ABOUT)}; {_first_of(missing)} came not.")
+    digest = about["manifest_sha256"]
+    if digest is not None and not (isinstance(digest, str) and re.fullmatch(r"[0-9a-f]{64}", digest)):
+        raise ValueError(f"manifest_sha256 must be a SHA-256 in hexadecimal or None, got {digest!r}.")
+    try:
+        plain: dict[str, Any] = json.loads(json.dumps(dict(about), sort_keys=True, allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"What is said about a network must be plain, finite values: {error}.") from error
+    return plain
+
+
+def _read_sidecar(sidecar: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(sidecar.read_text(encoding="utf-8"))
+    except (RecursionError, ValueError) as error:
+        raise FileFormatError(f"{sidecar} is not JSON; copy it again.") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise FileFormatError(f"{sidecar} does not describe a network of pnpct.")
+    number = content.get("format_version")
+    if not isinstance(number, int) or number > FORMAT_VERSION:
+        raise FileFormatError(
+            f"{sidecar} has the format version {number}, but {FORMAT_VERSION} is known; update pnpct."
+        )
+    for key, known in (("normalisation", NORMALISATION), ("units", UNITS)):
+        if content.get(key) != known:
+            raise FileFormatError(f'{sidecar} has the {key} "{content.get(key)}", but "{known}" is needed.')
+    return content
+
+
+def _build(sidecar: Path, content: Mapping[str, Any]) -> nn.Module:
+    """A network without numbers, which takes neither memory nor random numbers."""
+    architecture, size = content.get("architecture"), content.get("size")
+    if architecture not in ARCHITECTURES:
+        known = " and ".join(ARCHITECTURES)
+        raise FileFormatError(f'{sidecar} names the architecture "{architecture}"; {known} are known.')
+    try:
+        if not isinstance(size, dict) or not all(type(number) is int for number in size.values()):
+            raise ValueError(f"its size is {size}")
+        with torch.device("meta"):
+            if architecture == "red-cnn":
+                return REDCNN(**size)
+            noise_input, attention = content["noise_input"], content["attention"]
+            if not isinstance(noise_input, bool) or attention not in get_args(Attention):
+                raise ValueError(f"noise_input is {noise_input} and attention {attention}")
+            return RDNCBAM(RDNSize(**size), noise_input=noise_input, attention=attention)
+    except (KeyError, RuntimeError, TypeError, ValueError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise FileFormatError(f"{sidecar} does not describe a whole {architecture} network: {reason}.") from error
+
+
+def _check_tensors(path: Path, found: Mapping[str, Tensor], needed: Mapping[str, Tensor]) -> None:
+    other = [
+        name
+        for name in sorted(found.keys() & needed.keys())
+        if (found[name].shape, found[name].dtype) != (needed[name].shape, needed[name].dtype)
+    ]
+    if missing := sorted(needed.keys() - found.keys()):
+        raise FileFormatError(f"{path} lacks {_first_of(missing)} of the network that is described beside it.")
+    if extra := sorted(found.keys() - needed.keys()):
+        raise FileFormatError(f"{path} holds {_first_of(extra)}, which the network described beside it has not.")
+    if other:
+        came, need = (f"{list(tensors[other[0]].shape)} {tensors[other[0]].dtype}" for tensors in (found, needed))
+        raise FileFormatError(f"{path}: {_first_of(other)} must be {need} for the network described, got {came}.")
+
+
+def _first_of(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"

@@ -1,0 +1,50 @@
+"""Where training stands, on disk, so that a run that was killed can go on."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pnpct.files.atomic import atomic_path
+from pnpct.files.errors import FileFormatError, PathLike, existing_file
+
+FORMAT = "pnpct-training"
+
+
+def write_training(path: PathLike, state: Mapping[str, Any], *, settings: Mapping[str, Any]) -> None:
+    """Write where training stands.
+
+    Args:
+        path: Where the file shall be; an older one is replaced.
+        state: Tensors, numbers, strings, and dictionaries and lists of them.
+        settings: All that the training depends on, in plain values.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    with atomic_path(path) as temporary:
+        torch.save({"format": FORMAT, "settings": dict(settings), "state": dict(state)}, temporary)
+
+
+def read_training(path: PathLike, *, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Read where training stands; nothing in the file is executed.
+
+    Args:
+        path: The file.
+        settings: What the training depends on now.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If it is not whole, or of training with other settings.
+    """
+    path = Path(existing_file(path))
+    try:
+        content = torch.load(path, weights_only=True, map_location="cpu")
+        made, state = content["settings"], content["state"]
+    except Exception as error:  # whatever a damaged archive makes of the reader
+        raise FileFormatError(f"{path} does not say where training stands; remove it to begin anew.") from error
+    if made != dict(settings):
+        differing = ", ".join(sorted(key for key in settings if made.get(key) != settings[key]))
+        raise FileFormatError(f"{path} is of training with other settings ({differing}); remove it to begin anew.")
+    return dict(state)

@@ -1,0 +1,43 @@
+"""Random changes under which anatomy stays anatomy and noise keeps its mean of zero."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from torch import Tensor
+
+from pnpct.arrays import Image
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """Five changes of an image, the same for both images of a pair.
+
+    Args:
+        left_right: Whether it is mirrored from side to side.
+        front_back: Whether it is mirrored from front to back.
+        quarter_turns: Quarter turns, counter-clockwise.
+        shift: Pixels by which rows and columns are moved, around the edges.
+        scale: Factor of the attenuation; near 1.
+    """
+
+    left_right: bool
+    front_back: bool
+    quarter_turns: int
+    shift: tuple[int, int]
+    scale: float
+
+    @staticmethod
+    def drawn(draw: np.random.Generator) -> "Augmentation":
+        """Draw one: shifts up to 32 pixels, scales from 0.95 to 1.05."""
+        left_right, front_back = (bool(draw.integers(2)) for _ in range(2))
+        rows, cols = draw.integers(-32, 33, 2).tolist()
+        return Augmentation(
+            left_right, front_back, int(draw.integers(4)), (rows, cols), float(draw.uniform(0.95, 1.05))
+        )
+
+    def __call__(self, image: Image) -> Float[Tensor, "*batch new_rows new_cols"]:
+        """Change an image."""
+        flipped = [axis for axis, wanted in ((-1, self.left_right), (-2, self.front_back)) if wanted]
+        turned = image.flip(flipped).rot90(self.quarter_turns, (-2, -1))
+        return self.scale * turned.roll(self.shift, (-2, -1))

@@ -1,0 +1,147 @@
+"""The paper's training: noise to noise on low-dose pairs, then fine-tuning on pairs of low and high dose.
+
+    stage 1   L = L_MSE + λ_SSIM L_SSIM                      between D(v_low) and another v_low
+    stage 2   L = L_MSE + λ_tex L_tex + λ_ca L_ca            between D(v_low) and v_high
+
+D is the network, and v are images. Both stages use Adam, whose learning rate falls by a factor after each epoch.
+"""
+
+import copy
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import torch
+from torch import distributed, nn
+
+from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
+from pnpct.training.pairs import Pair
+
+Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised"]
+
+
+NumberedPairs: TypeAlias = Callable[[int], Pair]
+"""Pairs by number, as `Pairs` is; the same number is always the same pair."""
+
+
+@dataclass(frozen=True, eq=False)
+class Epoch:
+    """Where training stands after an epoch; enough to continue from.
+
+    Args:
+        stage: Which part of the training it belongs to.
+        number: Epochs of this stage that are done.
+        loss: Mean loss over the pairs of this epoch, while the weights changed.
+        weights: Copy of the network's weights.
+        optimizer: Copy of the optimizer's state.
+    """
+
+    stage: Stage
+    number: int
+    loss: float
+    weights: Mapping[str, torch.Tensor]
+    optimizer: Mapping[str, Any]
+
+
+def two_stage(
+    D: nn.Module,
+    noisy: NumberedPairs,
+    dosed: NumberedPairs,
+    *,
+    epochs: tuple[int, int],
+    after: Epoch | None = None,
+    **options: Any,
+) -> Iterator[Epoch]:
+    """Train a network as the paper does, and yield every epoch.
+
+    Args:
+        D: The network; its weights change.
+        noisy: Low-dose pairs with independent noise.
+        dosed: Pairs of low and high dose.
+        epochs: Epochs of the first and of the second stage.
+        after: Epoch to continue from; None begins.
+        **options: As for `train`.
+
+    Raises:
+        ValueError: If a number is out of its range, or the epoch is of other training.
+    """
+    if after is None or after.stage == "noise-to-noise":
+        yield from train(
+            D, noisy, stage="noise-to-noise", loss=stage_one_loss, epochs=epochs[0], after=after, **options
+        )
+        after = None
+    yield from train(D, dosed, stage="fine-tuning", loss=stage_two_loss, epochs=epochs[1], after=after, **options)
+
+
+def train(
+    D: nn.Module,
+    pairs: NumberedPairs,
+    *,
+    stage: Stage,
+    loss: LossTerm,
+    epochs: int,
+    pairs_per_epoch: int,
+    batch: int = 8,
+    learning_rate: float = 1e-4,
+    decay: float = 0.99,
+    bfloat16: bool = False,
+    after: Epoch | None = None,
+) -> Iterator[Epoch]:
+    """Train a network on numbered pairs, and yield every epoch.
+
+    Where `torch.distributed` is up, its processes share each batch, and all take the same steps.
+
+    Args:
+        D: The network, on its device; its weights change.
+        pairs: Pairs by number; each epoch has numbers of its own.
+        stage: What the epochs are called.
+        loss: From output and target to what is made small.
+        epochs: Epochs in all, those before `after` included.
+        pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
+        batch: Pairs of one step of the optimizer, shared out evenly among processes.
+        learning_rate: Of Adam, in the first epoch.
+        decay: Factor of the learning rate after each epoch, 0 to 1.
+        bfloat16: Whether the network computes in bfloat16 where that is exact enough.
+        after: Epoch to continue from.
+
+    Raises:
+        ValueError: If a number is out of its range, or the epoch is of another stage.
+    """
+    rank, world = (distributed.get_rank(), distributed.get_world_size()) if distributed.is_initialized() else (0, 1)
+    if min(epochs, pairs_per_epoch, batch) < 1 or pairs_per_epoch % batch or batch % world:
+        raise ValueError(
+            f"{pairs_per_epoch} pairs in {epochs} epochs cannot be shared out in batches of {batch} among {world} "
+            "processes."
+        )
+    if not (0 < learning_rate < math.inf and 0 < decay <= 1):
+        raise ValueError(f"A learning rate is positive and its decay from 0 to 1, got {learning_rate} and {decay}.")
+    if after is not None and after.stage != stage:
+        raise ValueError(f"An epoch of {after.stage} cannot be continued by {stage}.")
+    device = next(D.parameters()).device
+    optimizer = torch.optim.Adam(D.parameters(), lr=learning_rate)
+    if after is not None:
+        D.load_state_dict(after.weights)
+        optimizer.load_state_dict(dict(after.optimizer))
+    D.train()
+    for number in range(after.number if after else 0, epochs):
+        optimizer.param_groups[0]["lr"] = learning_rate * decay**number
+        total = torch.zeros((), dtype=torch.float64)
+        for first in range(number * pairs_per_epoch, (number + 1) * pairs_per_epoch, batch):
+            optimizer.zero_grad()
+            for each in range(first + rank, first + batch, world):
+                pair = pairs(each)
+                with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
+                    output = D(pair.input.to(device)[None])[0]
+                of_pair = loss(output.float(), pair.target.to(device))
+                (of_pair / batch).backward()
+                total += of_pair.detach().double().cpu()
+            if world > 1:
+                for parameter in D.parameters():
+                    distributed.all_reduce(parameter.grad)
+            optimizer.step()
+        if world > 1:
+            distributed.all_reduce(total)
+        weights = {name: value.detach().cpu().clone() for name, value in D.state_dict().items()}
+        state = copy.deepcopy(optimizer.state_dict())
+        yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, state)

@@ -1,0 +1,110 @@
+import os
+import socket
+
+import pytest
+import torch
+import torch.multiprocessing as processes
+from torch import distributed
+
+from pnpct.denoisers import RDNCBAM, RDNSize
+from pnpct.training import Epoch, Pair, mean_squared_error, train, two_stage
+
+TINY = RDNSize(features=4, growth=4, blocks=1, convolutions=2)
+
+
+def network() -> RDNCBAM:
+    torch.manual_seed(1)
+    return RDNCBAM(TINY)
+
+
+class Noise:
+    """A ramp with noise; the target has other noise, or little."""
+
+    def __init__(self, target: float) -> None:
+        self.target = target
+
+    def __call__(self, number: int) -> Pair:
+        generator = torch.Generator().manual_seed(number)
+        ramp = 1 + torch.linspace(-0.1, 0.1, 16).expand(16, 16)
+        noisy, other = (ramp + s * torch.randn(16, 16, generator=generator) for s in (0.1, self.target))
+        return Pair(noisy, other)
+
+
+OPTIONS = {"pairs_per_epoch": 8, "batch": 4, "learning_rate": 3e-3}
+
+
+def same(one: Epoch, other: Epoch) -> None:
+    assert (one.stage, one.number) == (other.stage, other.number)
+    assert one.loss == other.loss
+    for name, value in one.weights.items():
+        assert torch.equal(value, other.weights[name]), name
+
+
+def test_both_stages_lower_their_loss_and_weights_change() -> None:
+    D = network()
+    epochs = list(two_stage(D, Noise(0.1), Noise(0.01), epochs=(6, 6), **OPTIONS))
+    assert [epoch.stage for epoch in epochs] == 6 * ["noise-to-noise"] + 6 * ["fine-tuning"]
+    assert epochs[5].loss < epochs[0].loss
+    assert epochs[11].loss < epochs[6].loss
+    validation = Noise(0.0)(10**6)
+    with torch.no_grad():
+        denoised = D(validation.input[None])[0]
+    assert mean_squared_error(denoised, validation.target) < 0.5 * mean_squared_error(
+        validation.input, validation.target
+    )
+
+
+@pytest.mark.parametrize("done", [1, 3, 4, 5])
+def test_a_resumed_run_equals_an_uninterrupted_one(done: int) -> None:
+    whole = list(two_stage(network(), Noise(0.1), Noise(0.01), epochs=(3, 3), **OPTIONS))
+    rest = list(two_stage(network(), Noise(0.1), Noise(0.01), epochs=(3, 3), after=whole[done - 1], **OPTIONS))
+    assert len(rest) == 6 - done
+    for one, other in zip(whole[done:], rest, strict=True):
+        same(one, other)
+
+
+def test_the_learning_rate_falls_by_its_factor() -> None:
+    (first, second) = train(
+        network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=2, decay=0.5, **OPTIONS
+    )
+    rates = [epoch.optimizer["param_groups"][0]["lr"] for epoch in (first, second)]
+    assert rates == pytest.approx([3e-3, 1.5e-3])
+
+
+def test_numbers_that_cannot_be_are_refused() -> None:
+    def begin(**changes: object) -> None:
+        options = {**OPTIONS, "epochs": 1, **changes}
+        next(train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, **options))
+
+    with pytest.raises(ValueError, match="batches of 3"):
+        begin(batch=3)
+    with pytest.raises(ValueError, match="learning rate"):
+        begin(learning_rate=0.0)
+    epoch = next(train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=1, **OPTIONS))
+    with pytest.raises(ValueError, match="cannot be continued by fine-tuning"):
+        list(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(1, 1), after=epoch, **OPTIONS))
+
+
+def _one_of_two(rank: int, port: int, losses: object) -> None:
+    os.environ.update(MASTER_ADDR="127.0.0.1", MASTER_PORT=str(port))
+    torch.set_num_threads(1)
+    distributed.init_process_group("gloo", rank=rank, world_size=2)
+    epochs = train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=3, **OPTIONS)
+    losses[rank] = [epoch.loss for epoch in epochs]
+    distributed.destroy_process_group()
+
+
+def test_two_processes_have_the_losses_of_one() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with processes.Manager() as manager:
+        losses = manager.dict()
+        processes.spawn(_one_of_two, args=(port, losses), nprocs=2)
+        both = dict(losses)
+    alone = [
+        epoch.loss
+        for epoch in train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=3, **OPTIONS)
+    ]
+    assert both[0] == both[1]
+    assert both[0] == pytest.approx(alone, rel=1e-5)
