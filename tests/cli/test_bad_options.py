@@ -65,6 +65,11 @@ OPTIONS = [
     Case("noise of a phantom", SIMULATE + " --body {here}/a.zip --noise-hu 20", "no noise", with_text("a.zip", "")),
     Case("an empty folder as body", SIMULATE + " --body {here}/empty", "empty DICOM", with_folder("empty")),
     Case("an unknown simulation", "simulate dose {here}", "no command simulate dose simulate scan, simulate dataset"),
+    Case("noise without a series", SIMULATE + " --noise-hu 20", "--noise-hu --body 20"),
+    Case("two patients", SIMULATE + " --anatomy head --body {here}/a.zip", "--anatomy --body", with_text("a.zip", "")),
+    Case("a series in .npy", SIMULATE + " --body {here}/a.npy", "a.npy .npz", with_text("a.npy", "")),
+    Case("noise of made-up patients", DATASET + " --noise-hu 20", "noise needs such a series"),
+    Case("a share that is no number", DATASET + " --validation nan", "shares"),
     Case("no cases", DATASET + " --cases 0", "needs patients"),
     Case("no rows", DATASET + " --rows 0", "rows at least 1 0"),
     Case("an unknown part of the body", DATASET + " --anatomy head,tail", "no anatomy tail"),
@@ -72,7 +77,7 @@ OPTIONS = [
     Case("nobody to train on", DATASET + " --validation 0.8 --test 0.5", "validation tests more than 1"),
     Case("no processes", DATASET + " --processes 0", "at least one process 0"),
     Case("an unknown simulator", DATASET + " --simulator gate", "--simulator gate own catsim"),
-    Case("more rows than the head is high", DATASET + " --anatomy head --rows 2000", "too low for 2000 rows"),
+    Case("more rows than the head is high", DATASET + " --anatomy head --rows 2000", "2000 rows need"),
     Case("a scan of a scan", "simulate draw {made}/scan.h5 {here}/out.h5", "pnpct-scan pnpct-exposures"),
 ]
 

@@ -118,7 +118,7 @@ def test_the_plan_keeps_all_scans_of_a_patient_together_and_depends_on_the_seed(
 
 def test_a_body_that_is_too_low_is_refused(tmp_path: Path) -> None:
     tall = Recipe(**{**vars(SMALL), "rows": 1000})
-    with pytest.raises(ValueError, match="too low for 1000 rows"):
+    with pytest.raises(ValueError, match="1000 rows need"):
         list(simulate_dataset(tmp_path / "set", tall))
 
 
@@ -131,9 +131,53 @@ def test_a_body_that_is_too_low_is_refused(tmp_path: Path) -> None:
         ({"tube_voltages_kvp": (60.0,)}, "70 to 140 kVp"),
         ({"tube_voltages_kvp": (80.0, 80.0)}, "given twice"),
         ({"validation": 0.9, "test": 0.2}, "nor more than 1 together"),
+        ({"validation": float("nan")}, "nor more than 1 together"),
+        ({"noise_hu": 20.0}, "needs such a series"),
+        ({"tube_voltages_kvp": (100.0, 100.00001)}, "given twice"),
         ({"seed": -1}, "A seed"),
     ],
 )
 def test_recipes_that_cannot_be_are_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Recipe(**{**vars(SMALL), **change})
+
+
+def test_own_bodies_have_names_of_their_own_and_are_given_once(tmp_path: Path) -> None:
+    volume = tmp_path / "chest.npz"
+    hu = np.full((3, 32, 32), -1000, np.int16)
+    hu[:, 8:24, 8:24] = 30
+    np.savez(volume, hu=hu, spacing_mm=8.0, z_mm=np.arange(3) * 2.0)
+    recipe = Recipe(**{**vars(SMALL), "cases": 1, "bodies": (str(volume),), "noise_hu": 10.0})
+    assert [(station.name, station.own) for station in plan(recipe)] == [("chest-000", False), ("own-chest-000", True)]
+    scans = list(simulate_dataset(tmp_path / "set", recipe))
+    assert {scan.source for scan in scans} == {"chest", str(volume)}
+    twice = Recipe(**{**vars(recipe), "bodies": (str(volume), str(volume))})
+    with pytest.raises(ValueError, match="given twice"):
+        list(simulate_dataset(tmp_path / "other", twice))
+    assert not (tmp_path / "other").exists()
+
+
+def test_workers_end_with_the_process_that_wants_their_work(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from pathlib import Path\nimport multiprocessing\nfrom pnpct.simulation import Recipe, simulate_dataset\n"
+        "if __name__ == '__main__':\n"
+        f"    for _ in simulate_dataset(Path({str(tmp_path / 'set')!r}), {SMALL!r}, processes=2):\n"
+        "        print(*(child.pid for child in multiprocessing.active_children()), flush=True)\n"
+    )
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, env=environment) as process:
+        assert process.stdout is not None
+        workers = [int(word) for word in process.stdout.readline().split()]
+        process.kill()
+    assert workers
+    end = time.monotonic() + 20
+    while time.monotonic() < end and any(_alive(worker) for worker in workers):
+        time.sleep(0.1)
+    assert not any(_alive(worker) for worker in workers)
+
+
+def _alive(process: int) -> bool:
+    """Whether a process runs; one that has ended and waits for its parent to ask does not."""
+    status = Path(f"/proc/{process}/stat")
+    return status.exists() and status.read_text().rsplit(")", 1)[1].split()[0] != "Z"

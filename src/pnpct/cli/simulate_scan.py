@@ -1,5 +1,6 @@
 """`pnpct simulate scan`: from a seed, or a patient's images, to a scan."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,7 +49,7 @@ class SimulateScan:
         bowtie: Bow-tie filter: for large, medium or small bodies.
         detector: Kind of detector.
         crosstalk: Share of the x-rays of a cell that is detected in each of its neighbours.
-        blur: Average over the focal spot, the cells and the rotation during a view; eight times slower.
+        blur: Average over the focal spot, the cells and the rotation during a view; ten times slower.
         views: Views in the turn.
         bins: Cells that share the detector's arc.
         size: Rows and columns of the truth; what is scanned has pixels of half the size.
@@ -56,7 +57,7 @@ class SimulateScan:
     """
 
     scan: Positional[Path]
-    anatomy: Annotated[str, option(metavar=f"{{{','.join(ANATOMIES)}}}")] = "chest"
+    anatomy: Annotated[str | None, option(default="chest", metavar=f"{{{','.join(ANATOMIES)}}}")] = None
     body: Annotated[Path | None, option(default="a patient who is made up")] = None
     z: Annotated[float | None, option(default="where there is most to see")] = None
     noise_hu: float = 0.0
@@ -77,6 +78,12 @@ class SimulateScan:
         for name in ("bins", "size"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
+        if self.body and self.anatomy:
+            raise ValueError("--anatomy makes a patient up and --body reads one; give one of them.")
+        if not 0 <= self.noise_hu < math.inf or (self.noise_hu and not self.body):
+            raise ValueError(
+                f"--noise-hu is the noise of a CT series, from 0 up, and needs --body, got {self.noise_hu}."
+            )
         of_patient, of_noise = generators(self.seed)
         inputs = {str(self.body): fingerprint(self.body)} if self.body else {}
         geometry = clinical_fan_beam(views=self.views, bins=self.bins)
@@ -87,7 +94,7 @@ class SimulateScan:
             if self.body:
                 source = from_files(self.body, size=self.size, noise_hu=self.noise_hu)
             else:
-                source = made_up(self.anatomy, of_patient, size=self.size)
+                source = made_up(self.anatomy or "chest", of_patient, size=self.size)
             fine = ImageGrid(2 * self.size, 2 * self.size, source.grid.spacing / 2)
             phantom = source.body.slice(source.height if self.z is None else self.z, fine)
             exposure = expose(phantom, geometry, beam, sampling=FINE if self.blur else None, crosstalk=self.crosstalk)

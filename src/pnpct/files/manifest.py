@@ -79,8 +79,22 @@ def read_manifest(folder: Path) -> Manifest:
             raise FileFormatError(f"{path} is not the manifest of a data set.")
         if content["format_version"] > 1:
             raise FileFormatError(f"{path} is of a newer version; update pnpct.")
-        return Manifest(content["recipe"], [ListedScan(**scan) for scan in content["scans"]])
+        scans = [ListedScan(**scan) for scan in content["scans"]]
+        if not isinstance(content["recipe"], dict) or not all(_plausible(scan) for scan in scans):
+            raise FileFormatError(f"{path} is not the whole manifest of a data set.")
+        return Manifest(content["recipe"], scans)
     except FileFormatError:
         raise
     except (KeyError, TypeError, ValueError) as error:
         raise FileFormatError(f"{path} is not the whole manifest of a data set.") from error
+
+
+def _plausible(scan: ListedScan) -> bool:
+    return (
+        isinstance(scan.name, str)
+        and scan.split in SPLITS
+        and isinstance(scan.files, dict)
+        and isinstance(scan.z_mm, list)
+        and len(scan.files) == len(scan.z_mm) > 0
+        and all(isinstance(digest, str) for digest in scan.files.values())
+    )

@@ -235,7 +235,7 @@ def _slices(body: Phantom | Body, geometry: FanBeam, *, rows: int, z: float, gri
         return [body]
     grid = grid or ImageGrid(1024, 1024, spacing=450 / 1024)
     _check_reach(grid, geometry)
-    beyond = math.ceil(rows / 2 * grid.radius / geometry.source_to_isocenter) if rows > 1 else 0
+    beyond = cone_slices(geometry, grid, rows)
     heights = [z + (number - (rows - 1) / 2) * SLICE_THICKNESS for number in range(-beyond, rows + beyond)]
     low, high = body.extent
     if not (low <= heights[0] and heights[-1] <= high):
@@ -244,6 +244,11 @@ def _slices(body: Phantom | Body, geometry: FanBeam, *, rows: int, z: float, gri
             f"but it is known from {low:.6g} to {high:.6g} mm."
         )
     return [body.slice(height, grid) for height in heights]
+
+
+def cone_slices(geometry: FanBeam, grid: ImageGrid, rows: int) -> int:
+    """Return how many slices the cone of a detector needs below its lowest row, and above its highest."""
+    return math.ceil(rows / 2 * grid.radius / geometry.source_to_isocenter) if rows > 1 else 0
 
 
 def _check_reach(grid: ImageGrid, geometry: FanBeam) -> None:

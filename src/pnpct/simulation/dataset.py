@@ -6,12 +6,14 @@ Noise, tube current and tube voltage are not fixed in it: scans are drawn from t
 import json
 import multiprocessing
 import os
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import version
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,6 @@ import torch
 
 from pnpct.files import (
     MANIFEST,
-    SPLITS,
     ExposedSlice,
     ListedScan,
     Manifest,
@@ -30,14 +31,14 @@ from pnpct.files import (
     write_exposures,
     write_manifest,
 )
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.physics import Moments
 from pnpct.simulation.beam import scanner_beam
-from pnpct.simulation.catsim import catsim_moments
+from pnpct.simulation.catsim import catsim_moments, cone_slices
 from pnpct.simulation.phantom import truth
 from pnpct.simulation.recipe import Recipe, Station, plan
 from pnpct.simulation.scanner import SLICE_THICKNESS, as_exposure, clinical_fan_beam, simulate_moments
-from pnpct.simulation.sources import Source, fingerprint, from_files, made_up
+from pnpct.simulation.sources import Source, fingerprint, from_files, is_phantom, made_up
 
 
 def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Iterator[ListedScan]:
@@ -62,9 +63,16 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
     if processes < 1:
         raise ValueError(f"A data set is made by at least one process, got {processes}.")
     inputs = {path: fingerprint(Path(path)) for path in recipe.bodies}
+    if len(set(inputs.values())) < len(recipe.bodies):
+        raise ValueError("One body is given twice; its slices would be for training and for tests.")
     settings: dict[str, Any] = json.loads(json.dumps(asdict(recipe) | {"inputs": inputs}))
     stations = plan(recipe)
-    done = _earlier(folder, settings)
+    done = _earlier(folder, settings, stations)
+    for station in {station.source: station for station in stations}.values():
+        _heights(recipe, _source(recipe, station), station)
+    folder.mkdir(parents=True, exist_ok=True)
+    # Before any file of a scan, so that no other recipe takes it for its own.
+    write_manifest(folder, Manifest(settings, list(done.values())))
     yield from done.values()
     with _workers(processes) as pool:
         jobs = [pool.submit(_scan, folder, recipe, station) for station in stations if station.name not in done]
@@ -76,7 +84,10 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
                 write_manifest(folder, Manifest(settings, listed))
                 yield scanned
         except BrokenProcessPool as error:
-            raise OSError("A process that made scans has died, for want of memory perhaps; start again.") from error
+            raise OSError(
+                "A process that made scans has died: for want of memory, then start again with fewer processes; or "
+                'because a script has no `if __name__ == "__main__":`.'
+            ) from error
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -89,7 +100,7 @@ def _workers(processes: int) -> Iterator[ProcessPoolExecutor]:
     threads = max(1, torch.get_num_threads() // processes)
     context = multiprocessing.get_context("spawn")
     try:
-        with ProcessPoolExecutor(processes, context, initializer=torch.set_num_threads, initargs=(threads,)) as pool:
+        with ProcessPoolExecutor(processes, context, initializer=_begin_work, initargs=(threads,)) as pool:
             yield pool
     finally:
         if before is None:
@@ -98,20 +109,37 @@ def _workers(processes: int) -> Iterator[ProcessPoolExecutor]:
             os.environ["MKL_CBWR"] = before
 
 
+def _begin_work(threads: int) -> None:
+    """Prepare a worker, which ends when the process that wants its work is gone, however that has ended."""
+    torch.set_num_threads(threads)
+    if parent := multiprocessing.parent_process():
+        threading.Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()
+
+
+def _heights(recipe: Recipe, source: Source, station: Station) -> tuple[float, ...]:
+    """Where the rows of a station are, mm."""
+    lowest, highest = source.body.extent
+    cone = cone_slices(_geometry(recipe), source.grid, recipe.rows) if recipe.simulator == "catsim" else 0
+    needed = (recipe.rows - 1 + 2 * cone) * SLICE_THICKNESS
+    if highest - lowest < needed:
+        raise ValueError(
+            f"{station.source} is known over {highest - lowest:g} mm, but {recipe.rows} rows need {needed:g} mm."
+        )
+    bottom = lowest + cone * SLICE_THICKNESS + station.share * (highest - lowest - needed)
+    return tuple(bottom + row * SLICE_THICKNESS for row in range(recipe.rows))
+
+
+def _geometry(recipe: Recipe) -> FanBeam:
+    return clinical_fan_beam(views=recipe.views, bins=recipe.bins)
+
+
 def _scan(folder: Path, recipe: Recipe, station: Station) -> ListedScan:
     """Scan a station and write its files."""
     source = _source(recipe, station)
-    lowest, highest = source.body.extent
-    room = highest - lowest - recipe.rows * SLICE_THICKNESS
-    if room < 0:
-        raise ValueError(
-            f"{station.source} is {highest - lowest:g} mm high, too low for {recipe.rows} rows of {SLICE_THICKNESS} mm."
-        )
-    bottom = lowest + station.share * room
-    z = tuple(bottom + (row + 0.5) * SLICE_THICKNESS for row in range(recipe.rows))
+    z = _heights(recipe, source, station)
     files = {}
-    for row, (slices, height) in enumerate(zip(_exposed(recipe, source, z), z, strict=True)):
-        name = f"{station.split}/{station.name}-row{row:02d}.h5"
+    names = _files_of(station, recipe.rows)
+    for name, slices, height in zip(names, _exposed(recipe, source, z), z, strict=True):
         settings = asdict(recipe) | {"station": asdict(station), "z_mm": height}
         command = ["pnpct", "simulate", "dataset"]
         provenance = Provenance(command, version("pnpct"), seed=recipe.seed, settings=settings)
@@ -123,15 +151,16 @@ def _scan(folder: Path, recipe: Recipe, station: Station) -> ListedScan:
 
 
 def _source(recipe: Recipe, station: Station) -> Source:
-    if station.source in recipe.bodies:
-        return from_files(Path(station.source), size=recipe.size, noise_hu=recipe.noise_hu)
+    if station.own:
+        path = Path(station.source)
+        return from_files(path, size=recipe.size, noise_hu=0.0 if is_phantom(path) else recipe.noise_hu)
     generator = np.random.default_rng([recipe.seed, station.patient, *station.source.encode()])
     return made_up(station.source, generator, size=recipe.size)
 
 
 def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[dict[float, ExposedSlice]]:
     """Yield each row's exposures by tube voltage."""
-    geometry = clinical_fan_beam(views=recipe.views, bins=recipe.bins)
+    geometry = _geometry(recipe)
     beams = {voltage: scanner_beam(geometry, tube_voltage_kvp=voltage) for voltage in recipe.tube_voltages_kvp}
     fine = ImageGrid(2 * recipe.size, 2 * recipe.size, source.grid.spacing / 2)
     by_catsim: dict[float, Sequence[Moments]] = {}
@@ -151,18 +180,27 @@ def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[d
         yield slices
 
 
-def _earlier(folder: Path, settings: Mapping[str, Any]) -> dict[str, ListedScan]:
+def _earlier(folder: Path, settings: Mapping[str, Any], stations: Sequence[Station]) -> dict[str, ListedScan]:
     """What an earlier run has made and is still whole."""
-    found = {path.name for path in folder.iterdir()} if folder.exists() else set()
-    if MANIFEST not in found:
-        if found - set(SPLITS):
-            raise ValueError(f"{folder} holds something that is not a data set; choose another folder.")
+    if not folder.exists() or not (found := {path.name for path in folder.iterdir() if path.name[0] != "."}):
         return {}
+    if MANIFEST not in found:
+        raise ValueError(f"{folder} holds something that is not a data set; choose another folder.")
     manifest = read_manifest(folder)
     if manifest.recipe != settings:
         differing = ", ".join(sorted(key for key in settings if manifest.recipe.get(key) != settings[key]))
         raise ValueError(f"{folder} holds a data set of another recipe ({differing}); choose another folder.")
-    return {scan.name: scan for scan in manifest.scans if _whole(folder, scan)}
+    wanted = {_files_of(station, settings["rows"]): station for station in stations}
+    listed = {tuple(scan.files): scan for scan in manifest.scans}
+    return {
+        station.name: listed[files]
+        for files, station in wanted.items()
+        if files in listed and listed[files].name == station.name and _whole(folder, listed[files])
+    }
+
+
+def _files_of(station: Station, rows: int) -> tuple[str, ...]:
+    return tuple(f"{station.split}/{station.name}-row{row:02d}.h5" for row in range(rows))
 
 
 def _whole(folder: Path, scan: ListedScan) -> bool:

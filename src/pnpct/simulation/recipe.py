@@ -1,5 +1,6 @@
 """What a data set depends on, and which scans follow from it."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias, cast
@@ -10,6 +11,7 @@ from pnpct.files import Split
 from pnpct.simulation.anatomy import ANATOMIES
 
 Simulator: TypeAlias = Literal["own", "catsim"]
+_OWN = "own data"
 
 
 @dataclass(frozen=True)
@@ -64,10 +66,12 @@ class Recipe:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
         if not self.tube_voltages_kvp or not all(70 <= voltage <= 140 for voltage in self.tube_voltages_kvp):
             raise ValueError("A data set needs tube voltages, each from 70 to 140 kVp.")
-        if len(set(self.tube_voltages_kvp)) < len(self.tube_voltages_kvp):
+        if len({f"{voltage:g}" for voltage in self.tube_voltages_kvp}) < len(self.tube_voltages_kvp):
             raise ValueError("A tube voltage is given twice.")
-        if min(self.validation, self.test) < 0 or self.validation + self.test > 1:
+        if not (self.validation >= 0 and self.test >= 0 and self.validation + self.test <= 1):
             raise ValueError("The shares for validation and tests must not be negative, nor more than 1 together.")
+        if not 0 <= self.noise_hu < math.inf or (self.noise_hu and not self.bodies):
+            raise ValueError(f"The noise of CT series is from 0 HU up, and needs such a series, got {self.noise_hu}.")
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"A seed is a whole number from 0 to 2^63 - 1, got {self.seed}.")
 
@@ -79,6 +83,7 @@ class Station:
     Args:
         name: Of the scan; its files are called <name>-row<number>.h5.
         source: An anatomy, or the path of a body.
+        own: Whether the source is the path of a body.
         patient: Number of the patient among those of its source.
         share: Where it is scanned: share of the height that can be scanned below the lowest row, 0 to 1.
         split: What its patient is for.
@@ -86,6 +91,7 @@ class Station:
 
     name: str
     source: str
+    own: bool
     patient: int
     share: float
     split: Split
@@ -102,7 +108,7 @@ def plan(recipe: Recipe) -> tuple[Station, ...]:
         anatomy = recipe.anatomies[number % len(recipe.anatomies)]
         patients = of_source.setdefault(anatomy, [])
         patients.append((f"{anatomy}-{len(patients):03d}", anatomy, len(patients)))
-    of_source["own data"] = [(f"{Path(path).stem}-{n:03d}", path, n) for n, path in enumerate(recipe.bodies)]
+    of_source[_OWN] = [(f"own-{Path(path).stem}-{n:03d}", path, n) for n, path in enumerate(recipe.bodies)]
     stations: list[Station] = []
     for source, patients in of_source.items():
         draw = np.random.default_rng([recipe.seed, *source.encode()])
@@ -111,7 +117,7 @@ def plan(recipe: Recipe) -> tuple[Station, ...]:
             for station in range(recipe.stations):
                 suffix = f"-{station}" if recipe.stations > 1 else ""
                 share = (station + float(draw.uniform())) / recipe.stations
-                stations.append(Station(name + suffix, path, number, share, split))
+                stations.append(Station(name + suffix, path, source == _OWN, number, share, split))
     return tuple(stations)
 
 

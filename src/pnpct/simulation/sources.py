@@ -8,6 +8,7 @@ import numpy as np
 
 from pnpct.denoisers import NonlocalMeans
 from pnpct.files import read_dicom_series, read_volume, read_xcist_phantom, sha256_of
+from pnpct.files.errors import existing_file
 from pnpct.geometry import ImageGrid
 from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.body import Body
@@ -60,19 +61,19 @@ def from_files(path: Path, *, size: int = 512, noise_hu: float = 0.0) -> Source:
         OSError: If it is not there or cannot be read.
         ValueError: If it is none of these, or not whole, or the noise is negative or that of a phantom.
     """
-    if path.is_dir() or path.suffix in (".npz", ".npy"):
+    if path.is_dir() or path.suffix.lower() == ".npz":
         series = read_dicom_series(path) if path.is_dir() else read_volume(path)
         denoise = NonlocalMeans(noise_hu / 1000) if noise_hu else None
         side = series.grid.spacing * max(series.grid.shape)
         return _source(CTBody(series, denoise=denoise), side, size)
-    if path.suffix in (".json", ".zip"):
+    if is_phantom(path):
         if noise_hu:
             raise ValueError(f"{path} is a phantom, which has no noise to remove; leave out its noise.")
         body = VoxelBody(read_xcist_phantom(path))
-        reach = max(max(abs(each.grid.x).max(), abs(each.grid.y).max()) for each in body.maps)
-        return _source(body, 2 * float(reach), size)
+        edges = (max(abs(each.grid.x).max(), abs(each.grid.y).max()) + each.grid.spacing / 2 for each in body.maps)
+        return _source(body, 2 * float(max(edges)), size)
     raise ValueError(
-        f"{path}: a body is read from a folder of DICOM images, a volume of HU (.npz, .npy), or an XCIST phantom "
+        f"{path}: a body is read from a folder of DICOM images, a volume of HU (.npz), or an XCIST phantom "
         "(.json, .zip)."
     )
 
@@ -81,13 +82,24 @@ def _source(body: Body, side: float, size: int) -> Source:
     return Source(body, ImageGrid(size, size, spacing=side / size), sum(body.extent) / 2)
 
 
+def is_phantom(path: Path) -> bool:
+    """Return whether a path is that of an XCIST phantom, by its name."""
+    return path.suffix.lower() in (".json", ".zip") and not path.is_dir()
+
+
 def fingerprint(path: Path) -> str:
-    """Return the SHA-256 of a file, or of the names and contents of the files in a folder.
+    """Return the SHA-256 of a file, or of the names and contents of several.
+
+    These are the files in a folder, and for the .json of a phantom the files beside it that it names.
 
     Raises:
         OSError: If something cannot be read.
     """
-    if not path.is_dir():
+    if path.is_dir():
+        files = sorted(file for file in path.iterdir() if file.is_file())
+    elif path.suffix.lower() == ".json":
+        text = existing_file(path).read_text(encoding="utf-8", errors="replace")
+        files = [path, *sorted(file for file in path.parent.iterdir() if file.is_file() and f'"{file.name}"' in text)]
+    else:
         return sha256_of(path)
-    files = sorted(file for file in path.iterdir() if file.is_file())
     return hashlib.sha256("".join(f"{file.name} {sha256_of(file)}\n" for file in files).encode()).hexdigest()
