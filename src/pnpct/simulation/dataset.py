@@ -65,7 +65,7 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
     inputs = {path: fingerprint(Path(path)) for path in recipe.bodies}
     if len(set(inputs.values())) < len(recipe.bodies):
         raise ValueError("One body is given twice; its slices would be for training and for tests.")
-    settings: dict[str, Any] = json.loads(json.dumps(asdict(recipe) | {"inputs": inputs}))
+    settings: dict[str, Any] = json.loads(json.dumps(asdict(recipe) | {"inputs": inputs, "pnpct": version("pnpct")}))
     stations = plan(recipe)
     done = _earlier(folder, settings, stations)
     for station in {station.source: station for station in stations}.values():
