@@ -3,14 +3,12 @@
 import pytest
 import torch
 
-from fixtures.make_catsim_mini import FILE, LEVELS, VOLTAGES, decode, encode, read_catsim_mini
+from fixtures.make_catsim_mini import LEVELS, VOLTAGES, decode, encode, read_catsim_mini
 from pnpct.simulation import scanner_beam, simulate_moments
 
 
 @pytest.fixture(scope="module")
 def mini():
-    if not FILE.exists():
-        pytest.skip(f"{FILE.name} is not made; run make_catsim_mini.py beside it where CatSim is installed")
     return read_catsim_mini()
 
 

@@ -132,6 +132,7 @@ def test_a_body_that_is_too_low_is_refused(tmp_path: Path) -> None:
         ({"tube_voltages_kvp": (80.0, 80.0)}, "given twice"),
         ({"validation": 0.9, "test": 0.2}, "nor more than 1 together"),
         ({"validation": float("nan")}, "nor more than 1 together"),
+        ({"simulator": "catsim", "tube_voltages_kvp": (75.0,)}, "steps of 10"),
         ({"noise_hu": 20.0}, "needs such a series"),
         ({"tube_voltages_kvp": (100.0, 100.00001)}, "given twice"),
         ({"seed": -1}, "A seed"),

@@ -78,6 +78,8 @@ def test_numbers_that_cannot_be_are_refused() -> None:
 
     with pytest.raises(ValueError, match="batches of 3"):
         begin(batch=3)
+    with pytest.raises(ValueError, match="Both stages need at least one epoch, got 3 and 0"):
+        next(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(3, 0), **OPTIONS))
     with pytest.raises(ValueError, match="learning rate"):
         begin(learning_rate=0.0)
     epoch = next(train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=1, **OPTIONS))

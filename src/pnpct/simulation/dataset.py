@@ -35,6 +35,7 @@ from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.physics import Moments
 from pnpct.simulation.beam import scanner_beam
 from pnpct.simulation.catsim import catsim_moments, cone_slices
+from pnpct.simulation.catsim_job import require_catsim
 from pnpct.simulation.phantom import truth
 from pnpct.simulation.recipe import Recipe, Station, plan
 from pnpct.simulation.scanner import SLICE_THICKNESS, as_exposure, clinical_fan_beam, simulate_moments
@@ -62,6 +63,8 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
     """
     if processes < 1:
         raise ValueError(f"A data set is made by at least one process, got {processes}.")
+    if recipe.simulator == "catsim":
+        require_catsim()
     inputs = {path: fingerprint(Path(path)) for path in recipe.bodies}
     if len(set(inputs.values())) < len(recipe.bodies):
         raise ValueError("One body is given twice; its slices would be for training and for tests.")

@@ -9,6 +9,7 @@ import numpy as np
 
 from pnpct.files import Split
 from pnpct.simulation.anatomy import ANATOMIES
+from pnpct.simulation.catsim import VOLTAGES as CATSIM_VOLTAGES
 
 Simulator: TypeAlias = Literal["own", "catsim"]
 _OWN = "own data"
@@ -66,6 +67,8 @@ class Recipe:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
         if not self.tube_voltages_kvp or not all(70 <= voltage <= 140 for voltage in self.tube_voltages_kvp):
             raise ValueError("A data set needs tube voltages, each from 70 to 140 kVp.")
+        if self.simulator == "catsim" and not set(self.tube_voltages_kvp) <= set(CATSIM_VOLTAGES):
+            raise ValueError("CatSim has spectra for 70 to 140 kVp in steps of 10; choose among these.")
         if len({f"{voltage:g}" for voltage in self.tube_voltages_kvp}) < len(self.tube_voltages_kvp):
             raise ValueError("A tube voltage is given twice.")
         if not (self.validation >= 0 and self.test >= 0 and self.validation + self.test <= 1):

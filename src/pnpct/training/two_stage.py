@@ -66,6 +66,8 @@ def two_stage(
     Raises:
         ValueError: If a number is out of its range, or the epoch is of other training.
     """
+    if min(epochs) < 1:  # before the first stage, not after its hours
+        raise ValueError(f"Both stages need at least one epoch, got {epochs[0]} and {epochs[1]}.")
     if after is None or after.stage == "noise-to-noise":
         yield from train(
             D, noisy, stage="noise-to-noise", loss=stage_one_loss, epochs=epochs[0], after=after, **options
