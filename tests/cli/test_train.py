@@ -5,7 +5,7 @@ import pytest
 
 from pnpct.files.checkpoint import load_network
 
-DATASET = "--anatomy pelvis --cases 1 --rows 1 --views 24 --bins 60 --size 32 --tube-voltages-kvp 120 --processes 1"
+DATASET = "--anatomy pelvis --cases 3 --rows 1 --views 24 --bins 60 --size 32 --tube-voltages-kvp 120 --processes 1"
 TRAIN = "--epochs 2 --fine-tuning-epochs 1 --pairs-per-epoch 2 --batch 2"
 
 

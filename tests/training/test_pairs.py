@@ -8,7 +8,7 @@ from pnpct.files import ExposedSlice, Provenance, write_exposures
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 from pnpct.simulation import Phantom, clinical_fan_beam, expose, scanner_beam
-from pnpct.training import Pairs
+from pnpct.training import Examples, Pairs
 from pnpct.training.augmentation import Augmentation
 
 GRID = ImageGrid(12, 12, spacing=20.0)
@@ -17,6 +17,10 @@ GRID = ImageGrid(12, 12, spacing=20.0)
 def picture(scan: Scan, grid: ImageGrid, generator: torch.Generator) -> torch.Tensor:
     """Rays that pass the body: 1, and the noise of the scan."""
     return scan.counts[:, :8] / scan.incident[:8]
+
+
+def doubled(scan: Scan, grid: ImageGrid, generator: torch.Generator) -> torch.Tensor:
+    return 2 * picture(scan, grid, generator)
 
 
 @pytest.fixture(scope="module")
@@ -34,29 +38,79 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_number_is_always_the_same_pair_and_another_number_another(file: Path) -> None:
-    pairs = Pairs([file], [picture], "noisy", seed=3)
-    first, again, other = pairs(5), Pairs([file], [picture], "noisy", seed=3)(5), pairs(6)
-    assert torch.equal(first.input, again.input)
-    assert torch.equal(first.target, again.target)
-    assert not torch.equal(first.input, other.input)
-    assert not torch.equal(first.input, Pairs([file], [picture], "noisy", seed=4)(5).input)
+def test_a_number_is_always_the_same_example_and_another_number_another(file: Path) -> None:
+    examples = Examples([file], picture, (), seed=3)
+    first, again, other = examples(5), Examples([file], picture, (), seed=3)(5), examples(6)
+    assert torch.equal(first.low, again.low)
+    assert torch.equal(first.high, again.high)
+    assert not torch.equal(first.low, other.low)
+    assert not torch.equal(first.low, Examples([file], picture, (), seed=4)(5).low)
 
 
-def test_noisy_pairs_show_one_slice_with_independent_noise(file: Path) -> None:
-    pairs = Pairs([file], [picture], "noisy", seed=0, augment=False, tube_currents_ma=(20.0, 20.0))
-    drawn = [pairs(number) for number in range(200)]
-    inputs, targets = (torch.stack([getattr(pair, name) for pair in drawn]) for name in ("input", "target"))
-    correlation = ((inputs - 1) * (targets - 1)).mean() / (inputs.std() * targets.std())
-    assert abs(float(correlation)) < 4 / inputs.numel() ** 0.5
-    assert inputs.mean().item() == pytest.approx(1.0, abs=1e-3)
+def test_an_example_that_is_kept_is_the_one_that_was_drawn(file: Path, tmp_path: Path) -> None:
+    drawn, keeping = (Examples([file], picture, (doubled,), seed=3, kept=kept) for kept in (None, tmp_path))
+    for _ in range(2):
+        for name, tensor in vars(drawn(1)).items():
+            assert torch.equal(tensor, getattr(keeping(1), name))
+    (path,) = tmp_path.iterdir()
+    other = Examples([file], picture, (), seed=3, kept=tmp_path)  # other images, so another file
+    other(1)
+    assert len(list(tmp_path.iterdir())) == 2
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(OSError, match="damaged"):
+        keeping(1)
 
 
-def test_dose_pairs_have_less_noise_in_the_target(file: Path) -> None:
-    pairs = Pairs([file], [picture], "dose", seed=0, augment=False)
-    drawn = [pairs(number) for number in range(40)]
-    rough, smooth = (torch.stack([getattr(pair, name) for pair in drawn]).std() for name in ("input", "target"))
-    assert smooth < 0.5 * rough
+def test_the_images_of_an_example_show_one_slice_with_independent_noise(file: Path) -> None:
+    examples = Examples([file], picture, (), seed=0, tube_currents_ma=(20.0, 20.0))
+    low = torch.stack([examples(number).low - 1 for number in range(200)])
+    correlation = (low[:, 0] * low[:, 1]).mean() / low.square().mean()
+    assert abs(float(correlation)) < 4 / low[:, 0].numel() ** 0.5
+    assert low.mean().item() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_high_dose_has_less_noise(file: Path) -> None:
+    examples = [Examples([file], picture, (), seed=0)(number) for number in range(40)]
+    assert (
+        torch.stack([each.high for each in examples]).std() < 0.5 * torch.stack([each.low for each in examples]).std()
+    )
+
+
+def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
+    examples = Examples([file], picture, (doubled,), seed=0)
+    low, other, high = vars(examples(0)).values()
+    for kind, targets in (("noisy", low), ("dose", high[None])):
+        pairs = Pairs(examples, kind, seed=0, distinct=1, augment=False)
+        drawn = [pairs(number) for number in range(40)]
+        for image in (*low, *other):
+            assert any(torch.equal(pair.input, image) for pair in drawn)
+        for target in targets:
+            assert any(torch.equal(pair.target, target) for pair in drawn)
+        # Never two images of one scan: the noise would be learnt, not removed.
+        assert not any(
+            torch.equal(pair.target, low[0]) and (torch.equal(pair.input, low[0]) or torch.equal(pair.input, other[0]))
+            for pair in drawn
+        )
+
+
+def test_a_pair_with_twice_the_noise_counts_a_quarter(file: Path) -> None:
+    once = Examples([file], picture, (), seed=0)
+    twice = Examples([file], doubled, (), seed=0)
+    weights = [Pairs(examples, "noisy", seed=0)(0).weight for examples in (once, twice)]
+    assert weights[1] == pytest.approx(weights[0] / 4, rel=1e-4)
+
+
+def test_squares_are_cut_out_of_both_images_at_one_place(file: Path) -> None:
+    pair = Pairs(Examples([file], picture, (), seed=0), "noisy", seed=1, augment=False)(3)
+    square = Pairs(Examples([file], picture, (), seed=0), "noisy", seed=1, augment=False, side=5)(3)
+    places = [
+        (row, col)
+        for row in range(pair.input.shape[0] - 4)
+        for col in range(pair.input.shape[1] - 4)
+        if torch.equal(pair.input[row : row + 5, col : col + 5], square.input)
+    ]
+    ((row, col),) = places
+    assert torch.equal(pair.target[row : row + 5, col : col + 5], square.target)
 
 
 def test_both_images_of_a_pair_are_changed_alike() -> None:
@@ -68,8 +122,10 @@ def test_both_images_of_a_pair_are_changed_alike() -> None:
     assert len(drawn) == 50
 
 
-def test_pairs_that_cannot_be_drawn_are_refused(file: Path) -> None:
+def test_examples_that_cannot_be_drawn_are_refused(file: Path) -> None:
     with pytest.raises(ValueError, match="at least one file"):
-        Pairs([], [picture], "noisy", seed=0)
+        Examples([], picture, (), seed=0)
     with pytest.raises(ValueError, match="Tube currents"):
-        Pairs([file], [picture], "noisy", seed=0, tube_currents_ma=(200.0, 20.0))
+        Examples([file], picture, (), seed=0, tube_currents_ma=(200.0, 20.0))
+    with pytest.raises(ValueError, match="square of 99 pixels"):
+        Pairs(Examples([file], picture, (), seed=0), "noisy", seed=0, side=99)(0)

@@ -1,18 +1,24 @@
-"""The images that a denoiser learns from: those of FBP, and those that ADMM will show it."""
+"""The images that a denoiser learns from: those of FBP, and those that ADMM shows it."""
 
+from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 import torch
 
 from pnpct.arrays import Image
-from pnpct.denoisers import TotalVariation
+from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import ADMMState, fbp, pnp_admm
 
-LOWEST_BETA, HIGHEST_BETA = 0.3, 3.0
+BETAS = (0.3, 3.0)
+"""Lowest and highest penalty, between which it is drawn evenly in its logarithm."""
+
+STRENGTHS_HU = (15.0, 120.0)
+"""Lowest and highest strength of total variation, HU × pixel, drawn likewise."""
 
 
 def fbp_image(scan: Scan, grid: ImageGrid, _: torch.Generator) -> Image:
@@ -20,17 +26,43 @@ def fbp_image(scan: Scan, grid: ImageGrid, _: torch.Generator) -> Image:
     return fbp(take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water), kernel="ram-lak")
 
 
-def data_step_image(scan: Scan, grid: ImageGrid, generator: torch.Generator) -> Image:
-    """Return what the denoiser gets in an early iteration of ADMM, whose noise has another colour than that of FBP.
+@dataclass(frozen=True)
+class LoopImage:
+    """What the denoiser gets in one of the first iterations of ADMM, x + u, whose noise has another colour than FBP's.
 
-    One data step from a smooth image of the same scan, β being drawn evenly in its logarithm from 0.3 to 3.
+    Args:
+        denoiser: What denoised in the iterations before; total variation of random strength if None.
+        name: What the denoiser is, for telling images apart.
+        iterations: Most iterations, ≥ 1.
     """
-    A = _projector(grid, scan.geometry, scan.mu_water)
-    sinogram = take_log(scan)
-    smooth = TotalVariation(0.05)(fbp(sinogram.line_integrals, A, kernel="soft"))
+
+    denoiser: Denoise | None = field(default=None, repr=False)
+    name: str = "tv"
+    iterations: int = 3
+
+    def __call__(self, scan: Scan, grid: ImageGrid, generator: torch.Generator) -> Image:
+        """Return the image of an iteration and for a penalty β that are drawn."""
+        A = _projector(grid, scan.geometry, scan.mu_water)
+        sinogram = take_log(scan)
+        strength = _evenly_in_logarithm(*STRENGTHS_HU, generator) / 1000
+        denoise = self.denoiser or TotalVariation(strength, iterations=20)
+        beta = _evenly_in_logarithm(*BETAS, generator)
+        iterations = int(torch.randint(1, self.iterations + 1, (), generator=generator))
+        shown: list[Image] = []
+
+        def watched(image: Image) -> Image:
+            shown.append(image)
+            return denoise(image) if len(shown) < iterations else image
+
+        start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
+        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta), iterations):
+            pass
+        return shown[-1]
+
+
+def _evenly_in_logarithm(low: float, high: float, generator: torch.Generator) -> float:
     share = float(torch.rand((), generator=generator))
-    beta = float(np.exp((1 - share) * np.log(LOWEST_BETA) + share * np.log(HIGHEST_BETA)))
-    return next(pnp_admm(sinogram, A, lambda image: image, ADMMState.start(smooth), beta=beta)).x
+    return float(np.exp((1 - share) * np.log(low) + share * np.log(high)))
 
 
 @lru_cache(maxsize=8)

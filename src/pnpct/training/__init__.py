@@ -1,5 +1,6 @@
 """From noisy images to the weights of a denoiser."""
 
+from pnpct.training.examples import Example, Examples, MakeImage
 from pnpct.training.losses import (
     Form,
     LossTerm,
@@ -10,11 +11,13 @@ from pnpct.training.losses import (
     stage_two_loss,
     texture_loss,
 )
-from pnpct.training.pairs import MakeImage, Pair, Pairs
+from pnpct.training.pairs import Pair, Pairs
 from pnpct.training.two_stage import Epoch, Stage, train, two_stage
 
 __all__ = [
     "Epoch",
+    "Example",
+    "Examples",
     "Form",
     "LossTerm",
     "MakeImage",

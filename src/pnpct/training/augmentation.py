@@ -1,5 +1,6 @@
 """Random changes under which anatomy stays anatomy and noise keeps its mean of zero."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,3 +42,16 @@ class Augmentation:
         flipped = [axis for axis, wanted in ((-1, self.left_right), (-2, self.front_back)) if wanted]
         turned = image.flip(flipped).rot90(self.quarter_turns, (-2, -1))
         return self.scale * turned.roll(self.shift, (-2, -1))
+
+
+def cut(images: Sequence[Image], side: int, draw: np.random.Generator) -> list[Float[Tensor, "*batch side side"]]:
+    """Cut the same square out of all images, anywhere.
+
+    Raises:
+        ValueError: If the images are smaller than the square.
+    """
+    rows, cols = images[0].shape[-2:]
+    if not 1 <= side <= min(rows, cols):
+        raise ValueError(f"A square of {side} pixels cannot be cut out of images of {rows} x {cols}.")
+    row, col = int(draw.integers(rows - side + 1)), int(draw.integers(cols - side + 1))
+    return [image[..., row : row + side, col : col + side] for image in images]

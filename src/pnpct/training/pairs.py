@@ -1,25 +1,17 @@
-"""Pairs of images to learn from, drawn from the exposures of a data set."""
+"""Pairs of images: what a denoiser gets, and what it should make of it."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
-import torch
 
 from pnpct.arrays import Image
-from pnpct.files import ExposedSlice, read_exposure, tube_voltages
-from pnpct.geometry import ImageGrid
-from pnpct.physics import Scan
-from pnpct.training.augmentation import Augmentation
+from pnpct.training.augmentation import Augmentation, cut
+from pnpct.training.examples import Example
 
-REFERENCE_MA = 800.0
-"""Tube current of the scans that count as high dose, mA."""
-
-MakeImage: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Image]
-"""From a scan to an image on a grid, with random settings where there are any: FBP, or a data step of ADMM."""
+_POWER = 0.03**2
+"""Noise power, relative to water, of pairs whose loss counts as it is: (30 HU)²."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,69 +21,54 @@ class Pair:
     Args:
         input: Noisy image, relative to water.
         target: Image of the same slice, with independent noise.
+        weight: How much the pair counts.
     """
 
     input: Image
     target: Image
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """Pairs by number: the same number is the same pair, whoever asks, in whatever order.
 
-    The slice, the tube voltage and the tube currents (evenly in their logarithm) are drawn for each pair.
+    The input is made in any of the ways of the example. The target is always FBP: its noise has a mean of zero, and
+    it keeps what ADMM may have lost on its way. A pair counts in inverse proportion to the noise
+    power of its FBP images, or the lowest doses would drown what the others teach.
 
     Args:
-        files: Files of exposures.
-        images: Ways to make an image of a scan, of which one is drawn for each pair.
+        examples: Examples by number, as `Examples` is.
         kind: "noisy" pairs are two low-dose scans, either of which may be the input (criss-cross); in "dose" pairs
-            the target is a scan at 800 mA, made by the first of `images`.
+            the target is the scan at high dose.
         seed: Of everything that is drawn.
-        tube_currents_ma: Lowest and highest tube current of low-dose scans, mA.
+        distinct: How many examples there are before they come again, each time changed in another way; None never
+            repeats one.
         augment: Whether pairs are mirrored, turned, moved and scaled at random.
-
-    Raises:
-        ValueError: If there are no files or ways to make images, or the currents are not positive and rising.
+        side: Rows and columns of a square that is cut out at random; None takes whole images.
     """
 
-    files: Sequence[Path]
-    images: Sequence[MakeImage]
+    examples: Callable[[int], Example]
     kind: Literal["noisy", "dose"]
     seed: int
-    tube_currents_ma: tuple[float, float] = (20.0, 200.0)
+    distinct: int | None = None
     augment: bool = True
-
-    def __post_init__(self) -> None:
-        low, high = self.tube_currents_ma
-        if not (self.files and self.images):
-            raise ValueError("Pairs are drawn from at least one file, with at least one way to make images.")
-        if not 0 < low <= high < math.inf:
-            raise ValueError(f"Tube currents are positive and rising, in mA, got {low} and {high}.")
+    side: int | None = None
 
     def __call__(self, number: int) -> Pair:
         """Draw the pair of a number, from 0 on."""
         draw = np.random.default_rng([self.seed, number])
-        generator = torch.Generator().manual_seed(int(draw.integers(2**62)))
-        path = self.files[int(draw.integers(len(self.files)))]
-        voltages = tube_voltages(path)
-        exposed = read_exposure(path, tube_voltage_kvp=voltages[int(draw.integers(len(voltages)))])
-        make = self.images[int(draw.integers(len(self.images)))]
-        low = self._image(exposed, self._current(draw), make, generator)
-        if self.kind == "dose":
-            pair = Pair(low, self._image(exposed, REFERENCE_MA, self.images[0], generator))
-        else:
-            other = self._image(exposed, self._current(draw), make, generator)
-            pair = Pair(low, other) if draw.integers(2) else Pair(other, low)
-        if not self.augment:
-            return pair
-        change = Augmentation.drawn(draw)
-        return Pair(change(pair.input), change(pair.target))
-
-    def _current(self, draw: np.random.Generator) -> float:
-        low, high = self.tube_currents_ma
-        return float(np.exp(draw.uniform(np.log(low), np.log(high))))
-
-    def _image(self, exposed: ExposedSlice, current: float, make: MakeImage, generator: torch.Generator) -> Image:
-        if exposed.grid is None:
-            raise ValueError("The files of a data set for training say where the pixels of the truth are.")
-        return make(exposed.exposure.scan(tube_current_ma=current, generator=generator), exposed.grid, generator)
+        example = self.examples(number if self.distinct is None else number % self.distinct)
+        fbp, way, first = example.low, int(draw.integers(1 + len(example.others))), int(draw.integers(2))
+        if way > 0:
+            first = 0
+        noisy = fbp[first] if way == 0 else example.others[way - 1]
+        target = fbp[1 - first] if self.kind == "noisy" else example.high
+        weight = _POWER / max(float((fbp[0] - fbp[1]).square().mean()), 1e-9)
+        images = [noisy, target]
+        if self.augment:
+            change = Augmentation.drawn(draw)
+            images = [change(image) for image in images]
+        if self.side is not None:
+            images = cut(images, self.side, draw)
+        return Pair(images[0], images[1], weight)

@@ -20,7 +20,6 @@ from pnpct.training.pairs import Pair
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised"]
 
-
 NumberedPairs: TypeAlias = Callable[[int], Pair]
 """Pairs by number, as `Pairs` is; the same number is always the same pair."""
 
@@ -85,6 +84,7 @@ def train(
     epochs: int,
     pairs_per_epoch: int,
     batch: int = 8,
+    at_once: int = 1,
     learning_rate: float = 1e-4,
     decay: float = 0.99,
     bfloat16: bool = False,
@@ -102,6 +102,7 @@ def train(
         epochs: Epochs in all, those before `after` included.
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
         batch: Pairs of one step of the optimizer, shared out evenly among processes.
+        at_once: Pairs that go through the network together, at least 1: quicker, but all their memory at once.
         learning_rate: Of Adam, in the first epoch.
         decay: Factor of the learning rate after each epoch, 0 to 1.
         bfloat16: Whether the network computes in bfloat16 where that is exact enough.
@@ -111,11 +112,9 @@ def train(
         ValueError: If a number is out of its range, or the epoch is of another stage.
     """
     rank, world = (distributed.get_rank(), distributed.get_world_size()) if distributed.is_initialized() else (0, 1)
-    if min(epochs, pairs_per_epoch, batch) < 1 or pairs_per_epoch % batch or batch % world:
-        raise ValueError(
-            f"{pairs_per_epoch} pairs in {epochs} epochs cannot be shared out in batches of {batch} among {world} "
-            "processes."
-        )
+    if min(epochs, pairs_per_epoch, batch, at_once) < 1 or pairs_per_epoch % batch or batch % world:
+        what = f"{pairs_per_epoch} pairs in {epochs} epochs"
+        raise ValueError(f"{what} cannot be shared out in batches of {batch} among {world} processes.")
     if not (0 < learning_rate < math.inf and 0 < decay <= 1):
         raise ValueError(f"A learning rate is positive and its decay from 0 to 1, got {learning_rate} and {decay}.")
     if after is not None and after.stage != stage:
@@ -131,13 +130,15 @@ def train(
         total = torch.zeros((), dtype=torch.float64)
         for first in range(number * pairs_per_epoch, (number + 1) * pairs_per_epoch, batch):
             optimizer.zero_grad()
-            for each in range(first + rank, first + batch, world):
-                pair = pairs(each)
+            mine = range(first + rank, first + batch, world)
+            for part in range(0, len(mine), at_once):
+                drawn = [pairs(each) for each in mine[part : part + at_once]]
                 with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
-                    output = D(pair.input.to(device)[None])[0]
-                of_pair = loss(output.float(), pair.target.to(device))
-                (of_pair / batch).backward()
-                total += of_pair.detach().double().cpu()
+                    outputs = D(torch.stack([pair.input for pair in drawn]).to(device)).float()
+                pairwise = zip(drawn, outputs, strict=True)
+                losses = [pair.weight * loss(output, pair.target.to(device)) for pair, output in pairwise]
+                (torch.stack(losses).sum() / batch).backward()
+                total += sum(each.detach().double().cpu() for each in losses)
             if world > 1:
                 for parameter in D.parameters():
                     distributed.all_reduce(parameter.grad)

@@ -1,0 +1,89 @@
+"""What `pnpct train` learns from, and how the processes of one run find each other."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import torch
+from torch import distributed, nn
+
+from pnpct.cli.training_images import LoopImage, fbp_image
+from pnpct.denoisers import as_denoiser
+from pnpct.files import Split, load_network, network_file, read_manifest, sha256_of
+from pnpct.training import Examples
+from pnpct.units import to_hu
+
+VALIDATION_PAIRS = 8
+"""Pairs that the progress of training is judged by; always the same."""
+
+
+def examples_of(
+    dataset: Path,
+    split: Split,
+    *,
+    loop_denoiser: str | None,
+    loop_iterations: int,
+    bfloat16: bool,
+    device: torch.device,
+    **options: Any,
+) -> Examples:
+    """Return the examples of one part of a data set, as images of FBP and of the loop of ADMM.
+
+    Args:
+        dataset: Folder that `pnpct simulate dataset` has made.
+        split: Which part of it.
+        loop_denoiser: Network that denoises in the loop, by name or file; total variation if None.
+        loop_iterations: Most iterations of the loop.
+        bfloat16: Whether that network computes in bfloat16.
+        device: Where it computes.
+        **options: As for `Examples`.
+
+    Raises:
+        OSError: If a file cannot be read.
+        ValueError: If the part is empty, or there is no iteration.
+    """
+    if loop_iterations < 1:
+        raise ValueError(f"The loop needs at least one iteration, got {loop_iterations}.")
+    files = [dataset / name for name in read_manifest(dataset).files(split)]
+    if not files:
+        raise ValueError(f"{dataset} has no patients for {split}; simulate more of them.")
+    loop = LoopImage(iterations=loop_iterations)
+    if loop_denoiser is not None:
+        path = network_file(loop_denoiser)
+        network = load_network(path).to(device)
+        loop = LoopImage(as_denoiser(network, bfloat16=bfloat16), sha256_of(path), loop_iterations)
+    return Examples(files, fbp_image, (loop,), **options)
+
+
+def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
+    """Return how far the network's outputs are from the high-dose images, by what its input was.
+
+    The number is the RMS difference, HU, of the pair in the middle: the noise of one reference must not decide.
+    """
+    device = next(D.parameters()).device
+    errors: dict[str, list[float]] = {"fbp": [], "loop": []}
+    with torch.no_grad():
+        for number in range(VALIDATION_PAIRS):
+            example = examples(number)
+            for name, image in zip(errors, (example.low[0], *example.others), strict=True):
+                output = D(image[None].to(device))[0].float().cpu()
+                errors[name].append(float((to_hu(output) - to_hu(example.high)).square().mean()))
+    return {name: median(squares) ** 0.5 for name, squares in errors.items()}
+
+
+@contextmanager
+def joined_processes(device: torch.device) -> Iterator[int]:
+    """Join the other processes that torchrun has started, if it has, and yield the rank of this one."""
+    if "RANK" not in os.environ or int(os.environ.get("WORLD_SIZE", "1")) == 1:
+        yield 0
+        return
+    if device.type == "cuda":
+        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+    distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
+    try:
+        yield distributed.get_rank()
+    finally:
+        distributed.destroy_process_group()

@@ -1,0 +1,121 @@
+"""Examples to learn from: images of three scans of one slice, drawn from the exposures of a data set."""
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, is_dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from pnpct.arrays import Image
+from pnpct.files import atomic_path, read_exposure, tube_voltages
+from pnpct.geometry import ImageGrid
+from pnpct.physics import Scan
+
+REFERENCE_MA = 800.0
+"""Tube current of the scans that count as high dose, mA."""
+
+MakeImage: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Image]
+"""From a scan to an image on a grid, with random settings where there are any."""
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """One slice, scanned twice at a low dose, with noise of its own each time, and once at a high dose.
+
+    Args:
+        low: FBP images of the two low-dose scans.
+        others: The first of these scans, made in other ways.
+        high: FBP image of the high-dose scan.
+    """
+
+    low: Float[Tensor, "scans=2 rows cols"]
+    others: Float[Tensor, "ways rows cols"]
+    high: Image
+
+
+@dataclass(frozen=True, eq=False)
+class Examples:
+    """Examples by number: the same number is the same example, whoever asks, in whatever order.
+
+    The slice, the tube voltage and the tube current (evenly in its logarithm) are drawn for each.
+
+    Args:
+        files: Files of exposures.
+        make: FBP, or another way whose noise has a mean of zero.
+        others: Other ways to make images, of which a denoiser shall know the noise.
+        seed: Of everything that is drawn.
+        tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
+        kept: Folder that examples are kept in, since making one takes longer than learning from it; None keeps none.
+
+    Raises:
+        ValueError: If there are no files, or the currents are not positive and rising.
+    """
+
+    files: Sequence[Path]
+    make: MakeImage
+    others: Sequence[MakeImage]
+    seed: int
+    tube_currents_ma: tuple[float, float] = (20.0, 200.0)
+    kept: Path | None = None
+
+    def __post_init__(self) -> None:
+        low, high = self.tube_currents_ma
+        if not self.files:
+            raise ValueError("Examples are drawn from at least one file, got none.")
+        if not 0 < low <= high < math.inf:
+            raise ValueError(f"Tube currents are positive and rising, in mA, got {low} and {high}.")
+
+    def __call__(self, number: int) -> Example:
+        """Draw the example of a number, from 0 on, or read it where it is kept.
+
+        Raises:
+            OSError: If a file cannot be read or written.
+            ValueError: If a file does not say where the pixels of its truth are.
+        """
+        if self.kept is None:
+            return self._drawn(number)
+        file = self.kept / f"{number:06d}-{self._fingerprint()}.safetensors"
+        if file.exists():
+            try:
+                return Example(**load_file(file))
+            except SafetensorError as error:
+                raise OSError(f"{file} is damaged; remove it, and it is made anew.") from error
+        example = self._drawn(number)
+        self.kept.mkdir(parents=True, exist_ok=True)
+        with atomic_path(file) as temporary:
+            save_file({name: tensor.contiguous() for name, tensor in vars(example).items()}, temporary)
+        return example
+
+    def _fingerprint(self) -> str:
+        """What an example depends on besides its number, so that those of other training are not taken for it."""
+        names = [f"{path.parent.name}/{path.name}" for path in self.files]
+        makes = (self.make, *self.others)
+        ways = [repr(make) if is_dataclass(make) else getattr(make, "__qualname__", "") for make in makes]
+        depends = repr((names, ways, self.seed, self.tube_currents_ma))
+        return hashlib.sha256(depends.encode()).hexdigest()[:12]
+
+    def _drawn(self, number: int) -> Example:
+        draw = np.random.default_rng([self.seed, number])
+        generator = torch.Generator().manual_seed(int(draw.integers(2**62)))
+        path = self.files[int(draw.integers(len(self.files)))]
+        voltages = tube_voltages(path)
+        exposed = read_exposure(path, tube_voltage_kvp=voltages[int(draw.integers(len(voltages)))])
+        if (grid := exposed.grid) is None:
+            raise ValueError(f"{path} does not say where the pixels of the truth are.")
+        low, high = np.log(self.tube_currents_ma)
+        current = float(np.exp(draw.uniform(low, high)))
+        first, second, reference = (
+            exposed.exposure.scan(tube_current_ma=each, generator=generator)
+            for each in (current, current, REFERENCE_MA)
+        )
+        fbp = torch.stack([self.make(scan, grid, generator) for scan in (first, second, reference)])
+        others = [make(first, grid, generator) for make in self.others]
+        return Example(fbp[:2], torch.stack(others) if others else fbp[:0], fbp[2])
