@@ -1,10 +1,14 @@
 import math
+from functools import partial
 
 import pytest
 import torch
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from pnpct.evaluation import METRICS, WINDOWS, bias_hu, evaluate, psnr, rmse_hu, soft_tissue_mask, ssim
+
+ABDOMEN_PSNR = partial(psnr, window=WINDOWS["abdomen"])
+ABDOMEN_SSIM = partial(ssim, window=WINDOWS["abdomen"])
 
 
 @pytest.fixture
@@ -33,6 +37,7 @@ def test_only_what_is_in_the_mask_counts(disk: torch.Tensor) -> None:
     assert bias_hu(image, disk, mask=~mask) == pytest.approx(1000.0, rel=1e-6)
 
 
+# E6
 @pytest.mark.parametrize("window", WINDOWS.values())
 def test_scikit_image_agrees_on_the_windowed_images(
     pair: tuple[torch.Tensor, torch.Tensor], window: tuple[float, float]
@@ -49,24 +54,49 @@ def test_scikit_image_agrees_on_the_windowed_images(
     assert ssim(image, reference, window=window) == pytest.approx(expected, abs=1e-6)
 
 
+# E6
+@pytest.mark.parametrize("metric", [psnr, ssim])
+def test_the_range_of_the_data_must_be_stated(metric: object, disk: torch.Tensor) -> None:
+    with pytest.raises(TypeError, match="window"):
+        metric(disk, disk)
+
+
+def test_a_mask_averages_the_map_of_similarity(pair: tuple[torch.Tensor, torch.Tensor]) -> None:
+    image, reference = pair
+    window = WINDOWS["abdomen"]
+    a, b = ((1000 * (one.double() - 1)).clamp(*window).numpy() + 160 for one in pair)
+    _, whole = structural_similarity(
+        b, a, data_range=400, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, full=True
+    )
+    mask = torch.zeros(reference.shape, dtype=torch.bool)
+    mask[:14, 3:20] = True
+    inside = mask.clone()
+    inside[:5] = inside[:, :5] = False
+    assert ssim(image, reference, window=window, mask=mask) == pytest.approx(whole[inside.numpy()].mean(), abs=1e-6)
+    error = ((a - b)[mask.numpy()] ** 2).mean()
+    assert psnr(image, reference, window=window, mask=mask) == pytest.approx(10 * math.log10(400**2 / error), abs=1e-6)
+    with pytest.raises(ValueError, match="mask is empty"):
+        ssim(image, reference, window=window, mask=mask & ~inside)
+
+
 def test_equal_images_have_no_error(disk: torch.Tensor) -> None:
     assert rmse_hu(disk, disk) == 0.0
-    assert psnr(disk, disk) == math.inf
-    assert ssim(disk, disk) == pytest.approx(1.0, abs=1e-12)
+    assert ABDOMEN_PSNR(disk, disk) == math.inf
+    assert ABDOMEN_SSIM(disk, disk) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_what_is_outside_the_window_cannot_be_seen(disk: torch.Tensor) -> None:
     air = disk == 0
     image = torch.where(air, torch.tensor(0.3), disk)
     assert rmse_hu(image, disk) > 100
-    assert psnr(image, disk) == math.inf
+    assert ABDOMEN_PSNR(image, disk) == math.inf
 
 
 def test_twice_the_noise_costs_6_decibels(disk: torch.Tensor, generator: torch.Generator) -> None:
     # Water has 160 and 240 HU of the window on either side: nothing is clipped.
     water = torch.ones_like(disk)
     noise = 0.02 * torch.randn(disk.shape, generator=generator)
-    gain = psnr(water + noise, water) - psnr(water + 2 * noise, water)
+    gain = ABDOMEN_PSNR(water + noise, water) - ABDOMEN_PSNR(water + 2 * noise, water)
     assert gain == pytest.approx(20 * math.log10(2), abs=1e-4)
 
 
@@ -101,7 +131,7 @@ def test_every_metric_refuses_what_is_not_finite(metric: object, disk: torch.Ten
         metric(broken, disk)
 
 
-@pytest.mark.parametrize("metric", [rmse_hu, bias_hu, psnr, ssim])
+@pytest.mark.parametrize("metric", [rmse_hu, bias_hu, ABDOMEN_PSNR, ABDOMEN_SSIM])
 def test_every_metric_refuses_another_shape(metric: object, disk: torch.Tensor) -> None:
     with pytest.raises(ValueError, match=r"must have one shape, got \(32, 32\) and \(32, 31\)"):
         metric(disk, disk[:, 1:])
@@ -121,4 +151,4 @@ def test_a_window_without_width_and_a_tiny_image_are_refused(disk: torch.Tensor)
     with pytest.raises(ValueError, match="lower to a higher"):
         psnr(disk, disk, window=(40.0, 40.0))
     with pytest.raises(ValueError, match="at least 11 x 11"):
-        ssim(disk[:10], disk[:10])
+        ABDOMEN_SSIM(disk[:10], disk[:10])

@@ -1,59 +1,147 @@
 """What an image is worth: distances from a reference, texture, noise, sharpness, and how well lesions are found."""
 
+from pnpct.evaluation.consistency import Consistency, Verdict, consistency, fitted_degrees
 from pnpct.evaluation.detectability import (
     Detectability,
     channelised_hotelling,
     laguerre_gauss_channels,
     matched_filter,
 )
+from pnpct.evaluation.detectability_by_dose import (
+    InsertDetectability,
+    InsertScans,
+    detectability_by_dose,
+    dose_curves,
+)
+from pnpct.evaluation.dose import (
+    DoseCurve,
+    DoseReduction,
+    EqualDose,
+    PowerLaw,
+    best_references,
+    dose_reduction,
+    equal_detectability_dose,
+)
 from pnpct.evaluation.fidelity import METRICS, WINDOWS, Metric, bias_hu, evaluate, psnr, rmse_hu, ssim
 from pnpct.evaluation.histogram import earth_movers_distance, gray_histogram, histogram_entropy, repeat_scan_floor
 from pnpct.evaluation.intervals import Interval, bootstrap
+from pnpct.evaluation.lesion_recovery import LesionRecovery, contrast_recovery, insert_lesion, lesion_recovery
 from pnpct.evaluation.noise_power import NoisePower, RadialPower, noise_power_of_one, noise_power_of_repeats
+from pnpct.evaluation.oversmoothing import oversmoothing_warnings, rank_by_closeness
 from pnpct.evaluation.patches import Patch, tile_patches
+from pnpct.evaluation.prior_sweep import PriorDriven, prior_sweep
+from pnpct.evaluation.published_scores import (
+    psnr_ldctbench,
+    psnr_lodopab,
+    psnr_lodopab_fr,
+    ssim_ldctbench,
+    ssim_lodopab,
+    ssim_lodopab_fr,
+)
+from pnpct.evaluation.realisations import (
+    HalfScan,
+    Realisation,
+    Reconstruct,
+    ReconstructViews,
+    parametric_bootstrap,
+    redraw,
+    split_views,
+)
 from pnpct.evaluation.regions import Mask, body_mask, soft_tissue_mask
 from pnpct.evaluation.resolution import TaskTransfer, task_transfer
+from pnpct.evaluation.score_test import Finding, ScoreTest, cross_view_score, score_test, score_threshold
 from pnpct.evaluation.texture import FEATURES, GLCMSpec, Texture, texture_features, texture_patches
 from pnpct.evaluation.texture_change import FeatureChange, TextureChange, texture_change
+from pnpct.evaluation.tissue_errors import TISSUES, TissueError, errors_by_tissue
+from pnpct.evaluation.uncertainty import Coverage, Spread, coverage, split_view_difference, spread
 from pnpct.evaluation.visual_task import DiscTask, EyeFilter, Spectrum, spectral_detectability
 
 __all__ = [
     "FEATURES",
     "METRICS",
+    "TISSUES",
     "WINDOWS",
+    "Consistency",
+    "Coverage",
     "Detectability",
     "DiscTask",
+    "DoseCurve",
+    "DoseReduction",
+    "EqualDose",
     "EyeFilter",
     "FeatureChange",
+    "Finding",
     "GLCMSpec",
+    "HalfScan",
+    "InsertDetectability",
+    "InsertScans",
     "Interval",
+    "LesionRecovery",
     "Mask",
     "Metric",
     "NoisePower",
     "Patch",
+    "PowerLaw",
+    "PriorDriven",
     "RadialPower",
+    "Realisation",
+    "Reconstruct",
+    "ReconstructViews",
+    "ScoreTest",
     "Spectrum",
+    "Spread",
     "TaskTransfer",
     "Texture",
     "TextureChange",
+    "TissueError",
+    "Verdict",
+    "best_references",
     "bias_hu",
     "body_mask",
     "bootstrap",
     "channelised_hotelling",
+    "consistency",
+    "contrast_recovery",
+    "coverage",
+    "cross_view_score",
+    "detectability_by_dose",
+    "dose_curves",
+    "dose_reduction",
     "earth_movers_distance",
+    "equal_detectability_dose",
+    "errors_by_tissue",
     "evaluate",
+    "fitted_degrees",
     "gray_histogram",
     "histogram_entropy",
+    "insert_lesion",
     "laguerre_gauss_channels",
+    "lesion_recovery",
     "matched_filter",
     "noise_power_of_one",
     "noise_power_of_repeats",
+    "oversmoothing_warnings",
+    "parametric_bootstrap",
+    "prior_sweep",
     "psnr",
+    "psnr_ldctbench",
+    "psnr_lodopab",
+    "psnr_lodopab_fr",
+    "rank_by_closeness",
+    "redraw",
     "repeat_scan_floor",
     "rmse_hu",
+    "score_test",
+    "score_threshold",
     "soft_tissue_mask",
     "spectral_detectability",
+    "split_view_difference",
+    "split_views",
+    "spread",
     "ssim",
+    "ssim_ldctbench",
+    "ssim_lodopab",
+    "ssim_lodopab_fr",
     "task_transfer",
     "texture_change",
     "texture_features",

@@ -53,7 +53,9 @@ def bias_hu(image: Image, reference: Float[Tensor, "..."], *, mask: Bool[Tensor,
     return _difference_hu(image, reference, mask).mean().item()
 
 
-def psnr(image: Image, reference: Float[Tensor, "..."], *, window: Window = WINDOWS["abdomen"]) -> float:
+def psnr(
+    image: Image, reference: Float[Tensor, "..."], *, window: Window, mask: Bool[Tensor, "..."] | None = None
+) -> float:
     """Return the peak signal-to-noise ratio inside a display window, dB.
 
     10 log₁₀(width² / mean((HU − HU_reference)²)), both clipped to the window. Without the clipping bone and
@@ -62,20 +64,23 @@ def psnr(image: Image, reference: Float[Tensor, "..."], *, window: Window = WIND
     Args:
         image: Attenuation relative to water.
         reference: What it should be, of the same shape.
-        window: Lowest and highest value, HU; its width is the data range. (−160, 240) by default: 400 HU.
+        window: Lowest and highest value, HU, say one of `WINDOWS`; its width is the data range.
+        mask: Where to count, of the same shape; everywhere if None.
 
     Returns:
         Decibels, over the whole batch; infinite if the images agree in the window.
 
     Raises:
-        ValueError: If the shapes differ, a number is not finite, or the window has no width.
+        ValueError: If the shapes differ, a number is not finite, the window has no width, or the mask is empty.
     """
     image_hu, reference_hu = _windowed(image, reference, window)
-    error = (image_hu - reference_hu).square().mean().item()
+    error = _where(mask, (image_hu - reference_hu).square()).mean().item()
     return 10 * math.log10((window[1] - window[0]) ** 2 / error) if error > 0 else math.inf
 
 
-def ssim(image: Image, reference: Float[Tensor, "..."], *, window: Window = WINDOWS["abdomen"]) -> float:
+def ssim(
+    image: Image, reference: Float[Tensor, "..."], *, window: Window, mask: Bool[Tensor, "..."] | None = None
+) -> float:
     """Return the mean structural similarity inside a display window, as in its authors' paper.
 
     With local means μ, variances σ² and covariance σ_ab under a Gaussian of 1.5 pixels s.d. on 11 × 11
@@ -89,13 +94,15 @@ def ssim(image: Image, reference: Float[Tensor, "..."], *, window: Window = WIND
     Args:
         image: Attenuation relative to water.
         reference: What it should be, of the same shape, at least 11 × 11 pixels.
-        window: Lowest and highest value, HU; its width is the data range. (−160, 240) by default: 400 HU.
+        window: Lowest and highest value, HU, say one of `WINDOWS`; its width is the data range.
+        mask: The pixels to average over, of the same shape; all if None. Their surroundings count in any case.
 
     Returns:
         A number from −1 to 1, averaged over the batch; 1 if the images agree in the window.
 
     Raises:
-        ValueError: If the shapes differ or are too small, a number is not finite, or the window has no width.
+        ValueError: If the shapes differ or are too small, a number is not finite, the window has no width, or the
+            mask is empty where the surroundings lie inside the image.
 
     References:
         Wang, Bovik, Sheikh and Simoncelli, IEEE Trans. Image Process. 13 (2004) 600.
@@ -109,7 +116,7 @@ def ssim(image: Image, reference: Float[Tensor, "..."], *, window: Window = WIND
     variances = mean_aa - mean_a**2 + mean_bb - mean_b**2
     similarity = (2 * mean_a * mean_b + c1) * (2 * covariance + c2)
     similarity /= (mean_a**2 + mean_b**2 + c1) * (variances + c2)
-    return float(similarity.mean())
+    return float(_where(None if mask is None else mask[..., 5:-5, 5:-5], similarity).mean())
 
 
 METRICS: dict[str, Metric] = {
@@ -119,8 +126,8 @@ METRICS: dict[str, Metric] = {
     "body_bias_hu": lambda image, reference: bias_hu(image, reference, mask=body_mask(reference)),
     "soft_tissue_rmse_hu": lambda image, reference: rmse_hu(image, reference, mask=soft_tissue_mask(reference)),
     "soft_tissue_bias_hu": lambda image, reference: bias_hu(image, reference, mask=soft_tissue_mask(reference)),
-    "psnr": psnr,
-    "ssim": ssim,
+    "psnr": lambda image, reference: psnr(image, reference, window=WINDOWS["abdomen"]),
+    "ssim": lambda image, reference: ssim(image, reference, window=WINDOWS["abdomen"]),
 }
 """What `evaluate` measures unless told otherwise; psnr and ssim in the window −160 to 240 HU."""
 
@@ -145,7 +152,12 @@ def evaluate(
     return {name: metric(image, reference) for name, metric in metrics.items()}
 
 
-def _checked_hu(image: Tensor, reference: Tensor) -> tuple[Tensor, Tensor]:
+def checked_hu(image: Tensor, reference: Tensor) -> tuple[Tensor, Tensor]:
+    """Return an image and its reference in HU and double precision.
+
+    Raises:
+        ValueError: If the shapes differ or a number is not finite.
+    """
     if image.shape != reference.shape:
         raise ValueError(
             f"An image and its reference must have one shape, got {tuple(image.shape)} and {tuple(reference.shape)}."
@@ -157,24 +169,25 @@ def _checked_hu(image: Tensor, reference: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _difference_hu(image: Tensor, reference: Tensor, mask: Tensor | None) -> Tensor:
-    image_hu, reference_hu = _checked_hu(image, reference)
-    difference = image_hu - reference_hu
+    image_hu, reference_hu = checked_hu(image, reference)
+    return _where(mask, image_hu - reference_hu)
+
+
+def _where(mask: Tensor | None, values: Tensor) -> Tensor:
     if mask is None:
-        return difference
-    if mask.shape != difference.shape:
-        raise ValueError(
-            f"A mask must have the shape of its image, {tuple(difference.shape)}, got {tuple(mask.shape)}."
-        )
+        return values
+    if mask.shape != values.shape:
+        raise ValueError(f"A mask must have the shape of its image, {tuple(values.shape)}, got {tuple(mask.shape)}.")
     if not mask.any():
         raise ValueError("The mask is empty: the reference has no pixel of this kind of tissue.")
-    return difference[mask]
+    return values[mask]
 
 
 def _windowed(image: Tensor, reference: Tensor, window: Window) -> tuple[Tensor, Tensor]:
     low, high = window
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise ValueError(f"A window goes from a lower to a higher value in HU, got {window}.")
-    image_hu, reference_hu = _checked_hu(image, reference)
+    image_hu, reference_hu = checked_hu(image, reference)
     return image_hu.clamp(low, high), reference_hu.clamp(low, high)
 
 

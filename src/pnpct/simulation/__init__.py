@@ -15,6 +15,7 @@ from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
 from pnpct.simulation.ct_body import CTBody
 from pnpct.simulation.dataset import simulate_dataset
 from pnpct.simulation.lesions import Lesion, lesion_mask, with_lesions
+from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE, Insert, low_contrast_phantom
 from pnpct.simulation.materials import MATERIALS, Material, attenuation
 from pnpct.simulation.phantom import Phantom, relative_attenuation, truth
 from pnpct.simulation.recipe import Recipe, Simulator, plan
@@ -33,6 +34,8 @@ from pnpct.simulation.voxel_body import VoxelBody
 
 __all__ = [
     "ANATOMIES",
+    "CCT189",
+    "LIVER_LIKE",
     "MATERIALS",
     "SLICE_THICKNESS",
     "Beam",
@@ -41,6 +44,7 @@ __all__ = [
     "CTBody",
     "CatSimSampling",
     "Detector",
+    "Insert",
     "Lesion",
     "Material",
     "Phantom",
@@ -64,6 +68,7 @@ __all__ = [
     "from_files",
     "head_body",
     "lesion_mask",
+    "low_contrast_phantom",
     "made_up",
     "moments_behind",
     "pelvis_body",

@@ -4,21 +4,15 @@ Noise, tube current and tube voltage are not fixed in it: scans are drawn from t
 """
 
 import json
-import multiprocessing
-import os
-import threading
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import version
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from pnpct.files import (
     MANIFEST,
@@ -32,6 +26,7 @@ from pnpct.files import (
     write_manifest,
 )
 from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.operators.processes import worker_processes
 from pnpct.physics import Moments
 from pnpct.simulation.beam import scanner_beam
 from pnpct.simulation.catsim import catsim_moments, cone_slices
@@ -77,7 +72,7 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
     # Before any file of a scan, so that no other recipe takes it for its own.
     write_manifest(folder, Manifest(settings, list(done.values())))
     yield from done.values()
-    with _workers(processes) as pool:
+    with worker_processes(processes) as pool:
         jobs = [pool.submit(_scan, folder, recipe, station) for station in stations if station.name not in done]
         try:
             for job in as_completed(jobs):
@@ -93,30 +88,6 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
             ) from error
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _workers(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that compute the same bytes wherever their arrays happen to lie in memory."""
-    before = os.environ.get("MKL_CBWR")
-    os.environ["MKL_CBWR"] = "COMPATIBLE"
-    threads = max(1, torch.get_num_threads() // processes)
-    context = multiprocessing.get_context("spawn")
-    try:
-        with ProcessPoolExecutor(processes, context, initializer=_begin_work, initargs=(threads,)) as pool:
-            yield pool
-    finally:
-        if before is None:
-            del os.environ["MKL_CBWR"]
-        else:
-            os.environ["MKL_CBWR"] = before
-
-
-def _begin_work(threads: int) -> None:
-    """Prepare a worker, which ends when the process that wants its work is gone, however that has ended."""
-    torch.set_num_threads(threads)
-    if parent := multiprocessing.parent_process():
-        threading.Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()
 
 
 def _heights(recipe: Recipe, source: Source, station: Station) -> tuple[float, ...]:
