@@ -20,6 +20,8 @@ COMMANDS = {
     "reconstruct": "Reconstruct the image of a scan.",
     "denoise": "Denoise an image.",
     "evaluate": "Compare an image with the truth.",
+    "report": "Show a comparison as one HTML page, and its images as panels.",
+    "compare": "Compare the methods of the paper on the same scans, and report on them.",
     "info": "Say what is in a file.",
     "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
 }

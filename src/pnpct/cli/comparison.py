@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from pnpct.cli.panels import write_panels
 from pnpct.cli.scores import say_scores, write_scores
 from pnpct.cli.truth import truth_of
+from pnpct.comparison import Detail
 from pnpct.evaluation import evaluate
 from pnpct.files import Provenance, read_image
+from pnpct.report import PanelRow, write_panels
+
+WINDOW = (30.0, 400.0)
+"""Level and width of the picture, HU."""
 
 
 def compare(scan: Path, files: Mapping[str, Path], *, numbers: Path, picture: Path, provenance: Provenance) -> None:
@@ -33,4 +37,6 @@ def compare(scan: Path, files: Mapping[str, Path], *, numbers: Path, picture: Pa
     best_fbp = min((name for name in errors if name.startswith("fbp")), key=errors.__getitem__)
     shown = [best_fbp, *(name for name in errors if not name.startswith("fbp"))]
     titles = {f"{name}: {errors[name]:.1f} HU RMS error in soft tissue": images[name] for name in shown}
-    write_panels(picture, {"truth": truth, **titles}, provenance=provenance)
+    third = len(truth) // 3
+    row = PanelRow("", {"truth": truth, **titles}, [Detail(third, third, len(truth) - 2 * third)])
+    write_panels(picture, [row], provenance=provenance, window=WINDOW)

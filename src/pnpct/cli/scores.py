@@ -14,7 +14,7 @@ from pnpct.cli.terminal import say
 from pnpct.files import atomic_path
 
 
-def say_scores(columns: Mapping[str, Mapping[str, float]]) -> None:
+def say_scores(columns: Mapping[str, Mapping[str, float | None]]) -> None:
     """Write a table to stdout.
 
     Args:
@@ -24,11 +24,15 @@ def say_scores(columns: Mapping[str, Mapping[str, float]]) -> None:
     for name in columns:
         table.add_column(name, justify="right")
     for metric in next(iter(columns.values())):
-        table.add_row(metric, *(f"{values[metric]:.4g}" for values in columns.values()))
+        table.add_row(metric, *(_shown(values[metric]) for values in columns.values()))
     console = Console()
     with console.capture() as written:  # rich itself would end the program when nobody reads on
         console.print(table)
     say(written.get().rstrip())
+
+
+def _shown(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
 
 
 def write_scores(path: Path, scores: Mapping[str, Any]) -> None:
@@ -43,6 +47,6 @@ def write_scores(path: Path, scores: Mapping[str, Any]) -> None:
 
 def _finite(scores: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        name: _finite(value) if isinstance(value, Mapping) else value if math.isfinite(value) else None
+        name: _finite(value) if isinstance(value, Mapping) else value if value is None or math.isfinite(value) else None
         for name, value in scores.items()
     }

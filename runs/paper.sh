@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# The whole experiment: scans that no network has learnt from, all methods at three doses, detectability, and the report.
+# Usage: runs/paper.sh FOLDER; then open FOLDER/comparison/report.html. It goes on where an interrupted run ended.
+#
+# The networks are those that come with the package (runs/weights.sh trains them). On two cores the comparison of four
+# patients at three doses takes about an hour, the detectability two; leave it out with PAIRS=0.
+set -euo pipefail
+folder="${1:?a folder for the results}"
+mkdir -p "$folder"
+
+# One patient of each anatomy, of a seed that training did not use.
+pnpct simulate dataset "$folder/patients" --cases 4 --stations 1 --rows 1 --validation 0 --test 1 --seed 2001
+
+pnpct compare "$folder/comparison" "$folder"/patients/test/*.h5 \
+  --tube-currents-ma 40 70 100 --tube-voltage-kvp 120 --detectability-pairs "${PAIRS:-40}" --seed 1

@@ -1,0 +1,55 @@
+"""`pnpct report`: from a comparison to a page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from pnpct.cli.artefact import check_output, finish
+from pnpct.cli.terminal import working
+from pnpct.comparison import RESULTS, read_comparison
+from pnpct.files import record_run
+from pnpct.report import panel_rows, write_panels, write_report
+
+
+@dataclass(frozen=True)
+class Report:
+    """Show a comparison as one HTML page that needs no network.
+
+    The page holds the images, all numbers and the verdicts of all checks. Beside it panel.png and panel.svg show
+    the images for a paper.
+
+    Args:
+        folder: Folder of the comparison, with metrics.json and the images.
+        report: Where the page shall be, .html; report.html in the folder if not given.
+        level: Level of the window in which images are shown at first, HU.
+        width: Width of that window, HU.
+    """
+
+    folder: Positional[Path]
+    report: Positional[Path | None] = None
+    level: float = 30.0
+    width: float = 300.0
+
+    def run(self, command: Sequence[str]) -> None:
+        """Read the comparison, and write the page and the panels."""
+        page, results = self.report or self.folder / "report.html", self.folder / RESULTS
+        panels = [page.with_name(name) for name in ("panel.png", "panel.svg")]
+        for path, suffix in ((page, ".html"), *((panel, panel.suffix) for panel in panels)):
+            check_output(path, (suffix,), inputs=[results])
+        comparison, window = read_comparison(self.folder), (self.level, self.width)
+        provenance = record_run(command, inputs=[results])
+        with working("drawing"):
+            failed = write_report(self.folder, page, window=window)
+            rows = panel_rows(self.folder, comparison)
+            for panel in panels:
+                write_panels(panel, rows, provenance=provenance, window=window)
+        verdict = _count(failed, "failed check") if failed else "no failed check"
+        finish(page, provenance, summary=f"{_count(len(comparison.cases), 'case')}, {verdict}")
+        for panel in panels:
+            finish(panel, provenance, summary="the images beside each other")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,67 @@
+"""What is compared, under which settings; plain values that travel between processes."""
+
+from dataclasses import dataclass
+from functools import partial
+
+from pnpct.comparison.candidates import (
+    Candidate,
+    blurred,
+    denoised,
+    filtered,
+    plug_and_play,
+    total_variation,
+)
+from pnpct.denoisers import as_denoiser
+from pnpct.files import load_network, network_file, sha256_of
+from pnpct.operators import Kernel
+from pnpct.reconstruction.pnp_admm import BETA
+from pnpct.reconstruction.reconstruct import ITERATIONS
+from pnpct.reconstruction.tv_pwls import STRENGTH
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The methods of the paper, total variation and the control, with their settings.
+
+    Args:
+        kernel: Of FBP that all are measured against.
+        blur_pixels: Standard deviation of the Gaussian of the control, pixels.
+        tv_strength_hu: Of total variation, HU × pixel.
+        supervised: Network that was trained on dose pairs alone, by name or file.
+        two_stage: Network that was trained in two stages, by name or file.
+        beta: Penalty of plug-and-play ADMM.
+        iterations: Its most iterations.
+        lesion_hu: Contrast of the lesion that is put into each case, HU; 0 puts none.
+        lesion_diameter: Its diameter, mm.
+        seed: Of everything that is drawn.
+    """
+
+    kernel: Kernel = "hann"
+    blur_pixels: float = 1.5
+    tv_strength_hu: float = 1000 * STRENGTH
+    supervised: str = "supervised"
+    two_stage: str = "n2n"
+    beta: float = BETA
+    iterations: int = ITERATIONS
+    lesion_hu: float = -40.0
+    lesion_diameter: float = 12.0
+    seed: int = 0
+
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Return the methods, FBP first.
+
+        Raises:
+            OSError: If a network cannot be read.
+            ValueError: If it is none, or a setting is out of its range.
+        """
+        loop = partial(plug_and_play, beta=self.beta, iterations=self.iterations)
+        made = [filtered(self.kernel), blurred(self.blur_pixels), total_variation(self.tv_strength_hu)]
+        networks = {"supervised": ("supervised", self.supervised), "two-stage": ("two-stage", self.two_stage)}
+        for words, (name, weights) in networks.items():
+            path = network_file(weights)
+            denoise = as_denoiser(load_network(path))
+            settings = {"network": path.name, "network_sha256": sha256_of(path)}
+            made.append(denoised(name, f"{words} denoiser", denoise, settings))
+            made.append(loop(f"pnp-{name}", f"PnP, {words}", denoise, settings))
+        order = ("fbp", "blurred-fbp", "tv-pwls", "supervised", "two-stage", "pnp-supervised", "pnp-two-stage")
+        return tuple(sorted(made, key=lambda candidate: order.index(candidate.method.name)))

@@ -1,0 +1,71 @@
+// The grid: one panel for each image of the case, all with the same window, view and crosshair.
+
+const panels = new Map(); // by method: { canvas, output, changed }
+
+function buildPanels() {
+  const grid = byId("grid");
+  const names = data.methods.map((method) => method.name).filter((name) => data.cases.some((one) => one.order.includes(name)));
+  for (const name of names) {
+    const figure = document.createElement("figure");
+    const canvas = document.createElement("canvas");
+    const caption = document.createElement("figcaption");
+    const label = document.createElement("span");
+    const output = document.createElement("output");
+    figure.className = "panel";
+    figure.dataset.method = name;
+    canvas.setAttribute("role", "img");
+    label.textContent = labelOf[name];
+    caption.append(label, output);
+    figure.append(canvas, caption);
+    grid.append(figure);
+    panels.set(name, { figure, canvas, label, output });
+    listen(canvas, grid);
+  }
+  listenToKeys(grid);
+  new ResizeObserver(() => update({})).observe(grid);
+}
+
+function drawPanels() {
+  for (const [name, { figure, canvas, label, output }] of panels) {
+    figure.hidden = !scene.images[name];
+    if (figure.hidden) continue;
+    drawMarks(canvas, drawPicture(canvas, name));
+    canvas.setAttribute("aria-label", `${labelOf[name]}, ${scene.case.label}, ${modeText(name)}`);
+    output.textContent = state.cursor ? readoutOf(name) : "";
+    showChanged(label, scene.case.images[name].changed);
+  }
+}
+
+function modeText() {
+  if (state.mode !== "image") return `minus ${state.mode}, from −${DIFFERENCE_HU} to ${DIFFERENCE_HU} HU`;
+  return `level ${signedText(state.level)}, width ${state.width} HU`;
+}
+
+function showChanged(label, changed) {
+  if (!changed || label.querySelector(".changed")) return;
+  const warning = document.createElement("strong");
+  warning.className = "changed";
+  warning.textContent = "FAIL: changed since it was measured";
+  label.append(warning);
+}
+
+function indexOf([col, row]) {
+  return row * scene.case.cols + col;
+}
+
+function huText(name) {
+  return `${signedText(scene.images[name][indexOf(state.cursor)])} HU`;
+}
+
+// HU under the crosshair, and what the difference or the overlay is there.
+function readoutOf(name) {
+  const index = indexOf(state.cursor);
+  const texts = [huText(name)];
+  if (state.mode !== "image") {
+    const difference = scene.images[name][index] - scene.images[state.mode][index];
+    texts.push(`Δ ${difference > 0 ? "+" : ""}${signedText(difference)}`);
+  }
+  const map = state.overlay && mapOf(name);
+  if (map) texts.push(signedText(map.values[index] * map.step, Math.max(0, -Math.round(Math.log10(map.step)))));
+  return texts.join(" · ");
+}

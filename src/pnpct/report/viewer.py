@@ -1,0 +1,72 @@
+"""What the viewer of a page must know, and the pixels that it shows."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from pnpct.comparison import Case, Comparison
+from pnpct.report.images import FoundImage, columns, labels
+
+PRESETS = (
+    ("Soft tissue", 30.0, 300.0),
+    ("Abdomen", 40.0, 400.0),
+    ("Lung", -600.0, 1500.0),
+    ("Bone", 400.0, 1800.0),
+    ("Brain", 40.0, 80.0),
+)
+"""Windows that a reader may choose: name, level and width in HU."""
+
+MAPS = {"t": "Score t", "verifiable_hu": "Verifiable contrast, HU", "missing_hu": "Missing contrast, HU"}
+"""How usual maps are called; others by their names."""
+
+
+def viewer_data(
+    comparison: Comparison, images: Sequence[FoundImage], styles: Mapping[str, str], *, window: tuple[float, float]
+) -> Markup:
+    """Return JSON for the viewer that is safe inside an element of a page.
+
+    Args:
+        comparison: The comparison.
+        images: Its images, in the order in which their pixels follow.
+        styles: Classes of the methods.
+        window: Level and width at first, HU.
+    """
+    content = {
+        "window": window,
+        "methods": [
+            {"name": name, "label": label, "style": styles[name]} for name, label in labels(comparison).items()
+        ],
+        "cases": [_case(case, columns(comparison, case), images) for case in comparison.cases],
+    }
+    # What could end the element or begin another is written as JSON allows.
+    safe = json.dumps(content, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    return Markup(safe)
+
+
+def pixel_id(number: int) -> str:
+    """Return the name of the element that holds the pixels of an image."""
+    return f"pixels-{number}"
+
+
+def _case(case: Case, order: Sequence[str], images: Sequence[FoundImage]) -> dict[str, Any]:
+    stored: dict[str, dict[str, Any]] = {name: {"maps": {}} for name in order}
+    for number, image in enumerate(images):
+        if image.case == case.name:
+            pixels = {"pixels": pixel_id(number), "step": image.packed.step, "changed": image.changed}
+            if image.shows:
+                stored[image.method]["maps"][image.shows] = pixels
+            else:
+                stored[image.method].update(pixels)
+    return {
+        "name": case.name,
+        "label": case.label,
+        "rows": case.grid.rows,
+        "cols": case.grid.cols,
+        "spacing": case.grid.spacing,
+        "center": case.grid.center,
+        "details": [[detail.row, detail.col, detail.size] for detail in case.details],
+        "order": list(order),
+        "images": stored,
+    }

@@ -1,0 +1,61 @@
+"""`pnpct compare`, from exposures to a page."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from pnpct.cli import main
+from pnpct.denoisers import RDNCBAM, RDNSize
+from pnpct.files import save_network
+
+DATASET = "--anatomy pelvis --cases 1 --rows 1 --views 60 --bins 120 --size 72 --tube-voltages-kvp 120 --processes 1"
+QUICK = "--iterations 1 --lesion-hu 0 --phantom-repeats 0 --processes 1"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("compare")
+    assert main(["simulate", "dataset", str(folder / "set"), *DATASET.split()]) == 0
+    (exposures,) = (folder / "set").rglob("*.h5")
+    network = folder / "tiny.safetensors"
+    about = {"command": [], "licence": "Apache-2.0", "manifest_sha256": "0" * 64, "metrics": {}, "seed": 0}
+    torch.manual_seed(1)
+    save_network(network, RDNCBAM(RDNSize(features=4, growth=4, blocks=1, convolutions=2)), about=about)
+    return {"exposures": exposures, "network": network}
+
+
+def test_one_command_makes_all_images_numbers_and_the_page(files: dict[str, Path], tmp_path: Path, run) -> None:
+    folder, networks = tmp_path / "out", ["--supervised", files["network"], "--two-stage", files["network"]]
+    words = ["compare", folder, files["exposures"], "--tube-currents-ma", "50", *networks, *QUICK.split()]
+    status, out, err = run(*words)
+    assert (status, err) == (0, "")
+    assert "1 cases" in out
+    written = {path.name for path in folder.iterdir()}
+    assert {"images", "metrics.json", "metrics.csv", "report.html", "panel.png", "panel.svg"} <= written
+    content = json.loads((folder / "metrics.json").read_text())
+    assert content["provenance"]["command"] == ["pnpct", *map(str, words)]
+    assert [case["tube_current_ma"] for case in content["cases"]] == [50.0]
+    assert content["lesions"] == content["curves"] == content["tasks"] == []
+    page = (folder / "report.html").read_bytes()
+    (folder / "report.html").unlink()
+    assert run("report", folder)[0] == 0
+    assert (folder / "report.html").read_bytes() == page
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        ("--tube-voltage-kvp 80", "no exposure at 80 kVp"),
+        ("--two-stage nothing", "nothing"),
+        ("--blur-pixels -1", "-1"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence(files: dict[str, Path], tmp_path: Path, run, words: str, names: str) -> None:
+    networks = ["--supervised", files["network"], "--two-stage", files["network"]]
+    status, _, err = run("compare", tmp_path / "out", files["exposures"], *networks, *words.split())
+    assert status == 2
+    assert err.count("\n") == 1
+    assert names in err
+    assert not (tmp_path / "out").exists()

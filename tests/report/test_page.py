@@ -1,0 +1,167 @@
+import json
+import re
+
+import pytest
+from parsed_page import metrics, parse, read_number, resolve
+from small_comparison import CHECKS, METHODS
+
+from pnpct.comparison import read_comparison
+from pnpct.report import write_report
+
+SECTIONS = [
+    *("verdicts", "images", "details", "profiles", "curves", "texture", "numbers"),
+    *("tasks", "lesions", "checks", "limits"),
+]
+
+
+@pytest.fixture(scope="module")
+def page(report):
+    return parse(report)
+
+
+@pytest.fixture(scope="module")
+def content(folder):
+    return metrics(folder)
+
+
+def test_all_sections_come_in_their_order(page):
+    found = [element.attributes["id"] for element in page.all("section") if "id" in element.attributes]
+    assert [name for name in found if name in SECTIONS] == SECTIONS
+    for link in page.all("a"):
+        assert page.all(id=link.attributes["href"].removeprefix("#")), link.attributes["href"]
+
+
+def test_nothing_is_loaded_from_anywhere(report, page):
+    text = report.read_text(encoding="utf-8")
+    assert not [element for element in page.walk() if {"src", "srcset", "action", "background"} & {*element.attributes}]
+    assert not page.all("link")
+    assert set(re.findall(r"https?://[^\s\"'<]+", text)) == {"http://www.w3.org/2000/svg"}  # a name, not an address
+    assert not re.search(r"@import|url\((?!#)|\beval\(|new Function|fetch\(|XMLHttpRequest|import\(", text)
+    (policy,) = (meta.attributes["content"] for meta in page.all("meta") if "http-equiv" in meta.attributes)
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+
+
+def test_every_number_is_in_metrics_json_where_it_says(page, content):
+    shown = [
+        element for element in page.walk() if element.tag in ("data", "tspan") and "data-path" in element.attributes
+    ]
+    assert len(shown) > 250
+    for element in shown:
+        path = element.attributes["data-path"]
+        expected = resolve(content, path) * float(element.attributes.get("data-scale", "1"))
+        value, half = read_number(element.text)
+        assert value == pytest.approx(expected, abs=1.000001 * half), path
+        if "value" in element.attributes:
+            assert float(element.attributes["value"]) == resolve(content, path)
+
+
+def test_no_table_and_no_fact_holds_a_number_without_its_place(page, content):
+    words = json.dumps(content, ensure_ascii=False)
+    for cell in [*page.all("td"), *page.all("dd")]:
+        rest = "".join(
+            child
+            if isinstance(child, str)
+            else ""
+            if {"data-path"} & {*child.attributes} or child.tag == "code"
+            else child.text
+            for child in cell.children
+        )
+        for piece in re.findall(r"[^,;]*\d[^,;]*", rest):
+            assert piece.strip() in words, rest
+
+
+def test_every_number_of_the_comparison_is_shown(page, content):
+    shown = {element.attributes["data-path"] for element in page.walk() if "data-path" in element.attributes}
+    for part in ("fidelity", "texture", "histogram"):
+        for case, methods in content[part].items():
+            for method, values in methods.items():
+                expected = {f"/{part}/{case}/{method}/{name}" for name, value in values.items() if value is not None}
+                assert expected <= shown
+    for index, check in enumerate(content["checks"]):
+        assert check["value"] is None or f"/checks/{index}/value" in shown
+    for index, lesion in enumerate(content["lesions"]):
+        assert {f"/lesions/{index}/{name}" for name in ("recovered", "spill", "distant_hu")} <= shown, lesion
+
+
+def test_what_does_not_exist_is_said_to_be_so(page):
+    assert any(cell.text == "n/a" for cell in page.all("td"))  # the PSNR of the reference
+    assert any(cell.text == "–" for cell in page.all("td"))  # the interval of one feature
+
+
+def test_a_failure_stands_first_and_nothing_can_fold_it(page):
+    (failed,) = page.all(style="failure")
+    assert "FAIL: residual chi-square" in failed.text
+    assert "Head, 60 mA, PnP-ADMM" in failed.text
+    assert "The prior has overruled the data." in failed.text
+    assert "details" not in [element.tag for element in failed.ancestors()]
+    assert page.all("section", id="verdicts")[0] in failed.ancestors()
+    verdicts = [
+        row.classes & {"fail", "pass", "not-judged"} for row in page.all("table", style="checks")[0].all("tr")[1:]
+    ]
+    assert verdicts == [{"fail"}, {"not-judged"}, {"pass"}, {"pass"}]
+    assert "details" not in [element.tag for element in page.all("table", style="checks")[0].ancestors()]
+    assert page.all("a", style="verdict")[0].text == "✕ 1 failed"
+
+
+def test_every_check_has_a_light_that_leads_to_its_sentence(page):
+    lights = page.all("a", style="light")
+    assert len(lights) == len(CHECKS)
+    for light in lights:
+        (row,) = page.all(id=light.attributes["href"].removeprefix("#"))
+        assert any(check.says in row.text and check.verdict in light.text for check in CHECKS)
+
+
+def test_tables_have_captions_and_scopes(page):
+    for table in page.all("table"):
+        assert table.all("caption")[0].text.strip()
+        assert all("scope" in head.attributes for head in table.all("th"))
+    for drawing in page.all("svg"):
+        named = drawing.attributes.get("aria-hidden") == "true" or page.all(id=drawing.attributes["aria-labelledby"])
+        assert named
+    for field in [*page.all("input"), *page.all("select")]:
+        assert [element for element in field.ancestors() if element.tag == "label"]
+
+
+def test_methods_settings_seeds_and_fingerprints_are_shown(page, content):
+    text = page.text
+    for word in ("rdn-cbam", "ab" * 32, "0123456789ab", "pnpct compare scans", "984 views of 900 bins on an arc"):
+        assert word in text
+    for method in METHODS:
+        assert method.label in text
+    for case in content["cases"]:
+        for image in case["images"].values():
+            assert image["sha256"] in text
+
+
+def test_the_control_is_among_the_images(page):
+    data = json.loads(page.all("script", id="viewer-data")[0].text)
+    assert data["cases"][0]["order"] == ["fbp", "fbp-blurred", "pnp", "reference", "truth"]
+    assert data["window"] == [30.0, 300.0]
+    texts = [element for element in page.all("script") if element.attributes.get("type") == "text/plain"]
+    assert len(texts) == 12  # five images and two cases, two maps
+    assert all(element.text for element in texts)
+
+
+def test_the_first_windows_are_those_of_soft_tissue(page):
+    buttons = [
+        (b.attributes["data-level"], b.attributes["data-width"])
+        for b in page.all("button")
+        if "data-level" in b.attributes
+    ]
+    assert buttons == [("30", "300"), ("40", "400"), ("-600", "1500"), ("400", "1800"), ("40", "80")]
+
+
+def test_the_same_comparison_gives_the_same_page(folder, report, tmp_path):
+    assert write_report(folder, tmp_path / "again.html") == 1
+    assert (tmp_path / "again.html").read_bytes() == report.read_bytes()
+
+
+def test_a_window_needs_a_width(folder, tmp_path):
+    with pytest.raises(ValueError, match=r"positive width in HU, got \(30.0, 0.0\)"):
+        write_report(folder, tmp_path / "report.html", window=(30.0, 0.0))
+    assert not [*tmp_path.iterdir()]
+
+
+def test_the_fixture_is_whole(folder):
+    comparison = read_comparison(folder)
+    assert all((comparison.tasks, comparison.curves, comparison.lesions, comparison.checks))
