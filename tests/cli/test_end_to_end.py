@@ -196,19 +196,20 @@ def test_an_image_is_compared_with_an_image_too(run, made, tmp_path):
     assert run("evaluate", made / "image.h5", made / "image.h5")[0] == 0
 
 
-def test_the_demo_runs_everything_and_plug_and_play_comes_nearest(run, tmp_path):
+def test_the_demo_runs_everything_and_what_uses_the_statistics_comes_nearest(run, tmp_path):
     folder = tmp_path / "demo"
     status, out, err = run("demo", folder, "--size", "96", "--views", "100", "--tube-current-ma", "5")
     assert (status, err) == (0, "")
-    artefacts = ["scan.h5", "fbp-hann.h5", "fbp-soft.h5", "pnp.h5", "metrics.json", "comparison.png"]
+    artefacts = ["scan.h5", "fbp-hann.h5", "fbp-soft.h5", "tv.h5", "pnp.h5", "metrics.json", "comparison.png"]
     assert {path.name for path in folder.iterdir()} == {*artefacts, *(f"{name}.json" for name in artefacts)}
-    assert out.count("$ pnpct ") == 4
+    assert out.count("$ pnpct ") == 5
     assert all(f"Wrote {folder / name}: " in out for name in artefacts)
     numbers = json.loads((folder / "metrics.json").read_text())
     errors = {name: values["soft_tissue_rmse_hu"] for name, values in numbers.items()}
-    assert min(errors, key=errors.__getitem__) == "pnp"
+    # Pixels of 5 mm are none that the network has learnt from; it must not be worse than what it replaces.
+    assert max(errors["tv"], errors["pnp"]) < min(errors["fbp-hann"], errors["fbp-soft"])
     with Picture.open(folder / "comparison.png") as picture:
-        assert picture.size == (3 * 512, 2 * 512 + 40)
+        assert picture.size == (44 + 4 * 520, 52 + 2 * 512 + 4 + 8 + 76)
         assert json.loads(picture.text["Comment"])["command"][:2] == ["pnpct", "demo"]
     # What it did can be repeated with the commands that it showed.
     shown = [line.removeprefix("$ pnpct ").split() for line in out.splitlines() if line.startswith("$ pnpct ")]

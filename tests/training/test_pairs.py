@@ -93,11 +93,11 @@ def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
         )
 
 
-def test_a_pair_with_twice_the_noise_counts_a_quarter(file: Path) -> None:
+def test_a_pair_with_twice_the_noise_counts_half(file: Path) -> None:
     once = Examples([file], picture, (), seed=0)
     twice = Examples([file], doubled, (), seed=0)
     weights = [Pairs(examples, "noisy", seed=0)(0).weight for examples in (once, twice)]
-    assert weights[1] == pytest.approx(weights[0] / 4, rel=1e-4)
+    assert weights[1] == pytest.approx(weights[0] / 2, rel=1e-4)
 
 
 def test_squares_are_cut_out_of_both_images_at_one_place(file: Path) -> None:

@@ -12,15 +12,21 @@ from pnpct.cli.comparison import compare
 from pnpct.cli.terminal import say
 from pnpct.files import record_run
 
-METHODS = {"fbp-hann": "--method fbp --kernel hann", "fbp-soft": "--method fbp --kernel soft", "pnp": "--denoiser tv"}
+METHODS = {
+    "fbp-hann": "--method fbp --kernel hann",
+    "fbp-soft": "--method fbp --kernel soft",
+    "tv": "--method tv",
+    "pnp": "--method pnp --denoiser n2n",
+}
 
 
 @dataclass(frozen=True)
 class Demo:
     """Simulate, reconstruct and evaluate one low-dose slice, in minutes.
 
-    A chest is reconstructed by filtered back-projection with two kernels and by plug-and-play ADMM with total
-    variation. comparison.png shows the truth, the better of the first two, and the third.
+    A chest is reconstructed by filtered back-projection with two kernels, by least squares with total variation, and by
+    plug-and-play ADMM with the network that was trained in two stages. comparison.png shows the truth, the better of
+    the first two, and the others.
 
     Args:
         folder: Where all files shall be; it is made.
@@ -50,7 +56,7 @@ class Demo:
         provenance = record_run(command, inputs=[scan, *files.values()], seed=self.seed)
         compare(scan, files, numbers=numbers, picture=picture, provenance=provenance)
         finish(numbers, provenance, summary="how far each image is from the truth")
-        finish(picture, provenance, summary="the truth, the better FBP image and that of plug-and-play")
+        finish(picture, provenance, summary="the truth, the better FBP image, total variation and plug-and-play")
 
 
 def _call(command: str, *files: Path, options: str) -> None:

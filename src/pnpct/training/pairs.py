@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 
 from pnpct.arrays import Image
-from pnpct.training.augmentation import Augmentation, cut
+from pnpct.training.augmentation import change_alike
 from pnpct.training.examples import Example
 
-_POWER = 0.03**2
-"""Noise power, relative to water, of pairs whose loss counts as it is: (30 HU)²."""
+_NOISE = 0.03
+"""Noise, relative to water, of pairs whose loss counts as it is: 30 HU."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class Pairs:
     """Pairs by number: the same number is the same pair, whoever asks, in whatever order.
 
     The input is made in any of the ways of the example. The target is always FBP: its noise has a mean of zero, and
-    it keeps what ADMM may have lost on its way. A pair counts in inverse proportion to the noise
-    power of its FBP images, or the lowest doses would drown what the others teach.
+    it keeps what ADMM may have lost on its way. A pair counts in inverse proportion to the noise of its FBP images, or
+    the lowest doses would drown what the others teach.
 
     Args:
         examples: Examples by number, as `Examples` is.
@@ -64,11 +64,6 @@ class Pairs:
             first = 0
         noisy = fbp[first] if way == 0 else example.others[way - 1]
         target = fbp[1 - first] if self.kind == "noisy" else example.high
-        weight = _POWER / max(float((fbp[0] - fbp[1]).square().mean()), 1e-9)
-        images = [noisy, target]
-        if self.augment:
-            change = Augmentation.drawn(draw)
-            images = [change(image) for image in images]
-        if self.side is not None:
-            images = cut(images, self.side, draw)
-        return Pair(images[0], images[1], weight)
+        weight = _NOISE / max(float((fbp[0] - fbp[1]).square().mean()), 1e-9) ** 0.5
+        noisy, target = change_alike([noisy, target], draw, augment=self.augment, side=self.side)
+        return Pair(noisy, target, weight)
