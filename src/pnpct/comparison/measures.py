@@ -1,5 +1,8 @@
 """All numbers that compare one image with the truth, by name; names of errors end in their unit."""
 
+from jaxtyping import Float
+from torch import Tensor
+
 from pnpct.arrays import Image
 from pnpct.evaluation import (
     FEATURES,
@@ -28,7 +31,7 @@ PUBLISHED = {
 """Scores as a benchmark defines them, to stand beside its table."""
 
 
-def fidelity_values(image: Image, truth: Image) -> Values:
+def fidelity_values(image: Image, truth: Float[Tensor, "..."]) -> Values:
     """Return errors in HU, in all and by tissue, and the ratios and similarities that others publish.
 
     The tissues are ranges of the truth within the body; `soft_tissue_rmse_hu` is another region, away from edges.
@@ -43,14 +46,14 @@ def fidelity_values(image: Image, truth: Image) -> Values:
     return values | {name: _finite(score(image, truth)) for name, score in PUBLISHED.items()}
 
 
-def histogram_values(image: Image, truth: Image) -> Values:
+def histogram_values(image: Image, truth: Float[Tensor, "..."]) -> Values:
     """Return the earth mover's distance within the body, on the axis from 0 to 1 and in HU."""
     distance = earth_movers_distance(image, truth, mask=body_mask(truth))
     low, high = GLCMSpec().window
     return {"emd": distance, "emd_hu": distance * (high - low)}
 
 
-def texture_values(image: Image, truth: Image) -> Values:
+def texture_values(image: Image, truth: Float[Tensor, "..."]) -> Values:
     """Return the GLCM features on patches of soft tissue of the truth; none where it has no such patch."""
     spec = GLCMSpec()
     if min(truth.shape) < spec.patch or not (patches := texture_patches(truth, spec=spec)):
