@@ -1,6 +1,6 @@
 """The methods of `pnpct reconstruct`, each with the options that have an effect on it."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -112,16 +112,27 @@ def make_method(name: str, options: Mapping[str, Any]) -> Method:
     Raises:
         ValueError: If an option has no effect on this method.
     """
-    for option in options:
-        if option not in _options_of(name):
-            others = " or ".join(other for other in METHODS if option in _options_of(other))
-            spelled = option.replace("_", "-")
-            raise ValueError(f"--{spelled} has no effect on --method {name}, but on {others}; leave out one of them.")
+    check_effect(options, name, METHODS)
     return METHODS[name](**options)
 
 
-def _options_of(name: str) -> set[str]:
-    return {field.name for field in fields(METHODS[name])}
+def check_effect(options: Iterable[str], name: str, methods: Mapping[str, type[Any]]) -> None:
+    """Check that the options which were given are those of a method.
+
+    Args:
+        options: Names of the options.
+        name: Of the method.
+        methods: Dataclasses, whose fields are their options.
+
+    Raises:
+        ValueError: If an option has no effect on this method.
+    """
+    known = {each: {field.name for field in fields(method)} for each, method in methods.items()}
+    for option in options:
+        if option not in known[name]:
+            others = " or ".join(other for other in methods if option in known[other])
+            spelled = option.replace("_", "-")
+            raise ValueError(f"--{spelled} has no effect on --method {name}, but on {others}; leave out one of them.")
 
 
 def _start(sinogram: Sinogram, projector: Projector) -> ADMMState:

@@ -1,11 +1,13 @@
 """The images that a denoiser learns from: those of FBP, and those that ADMM shows it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation
@@ -21,9 +23,45 @@ STRENGTHS_HU = (15.0, 120.0)
 """Lowest and highest strength of total variation, HU × pixel, drawn likewise."""
 
 
-def fbp_image(scan: Scan, grid: ImageGrid, _: torch.Generator) -> Image:
+LEAST_VIEWS = 30
+"""Views of a part of a scan; FBP takes views of a turn that are farther apart, from 15 degrees on, for gaps."""
+
+
+def fbp_image(scan: Scan, grid: ImageGrid, _: torch.Generator | None = None) -> Image:
     """Return the sharpest image, with all its noise."""
     return fbp(take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water), kernel="ram-lak")
+
+
+def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor, "parts *slices rows cols"]:
+    """Deal the views of a scan out to parts in turn, and return the FBP image of each part.
+
+    The mean of the images is the FBP image of all views where the parts divide a full turn evenly and counts
+    suffice. Each part takes its own logarithm, since that of starved rays looks at neighbouring views (`take_log`):
+    no part knows a count of another.
+
+    Args:
+        scan: What was measured, of one slice or of several.
+        grid: Where the pixels are.
+        parts: How many, at least 2.
+
+    Raises:
+        ValueError: If there are fewer parts, or too few views for them.
+    """
+    if parts < 2:
+        raise ValueError(f"The views of a scan are dealt out to at least two parts, got {parts}.")
+    if (views := scan.geometry.views) < LEAST_VIEWS * parts:
+        raise ValueError(f"{parts} parts of at least {LEAST_VIEWS} views each cannot be made of {views} views.")
+    return torch.stack([fbp_image(_every(scan, first, parts), grid) for first in range(parts)])
+
+
+def _every(scan: Scan, first: int, step: int) -> Scan:
+    """The scan of every view of some step."""
+    chosen, geometry, incident = slice(first, None, step), scan.geometry, scan.incident
+    if incident.ndim > 1 and incident.shape[-2] > 1:
+        incident = incident[..., chosen, :]
+    view_angles, shifts = geometry.view_angles[chosen], geometry.focal_spot_shifts[chosen]
+    part = replace(geometry, view_angles=view_angles, focal_spot_shifts=shifts)
+    return replace(scan, counts=scan.counts[..., chosen, :], incident=incident, geometry=part)
 
 
 @dataclass(frozen=True)

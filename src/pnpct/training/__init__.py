@@ -12,6 +12,7 @@ from pnpct.training.losses import (
     texture_loss,
 )
 from pnpct.training.pairs import Pair, Pairs
+from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, Stage, train, two_stage
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "MakeImage",
     "Pair",
     "Pairs",
+    "SplitViewPairs",
     "Stage",
     "contrast_loss",
     "mean_squared_error",

@@ -44,6 +44,27 @@ class Augmentation:
         return self.scale * turned.roll(self.shift, (-2, -1))
 
 
+def change_alike(
+    images: Sequence[Image], draw: np.random.Generator, *, augment: bool, side: int | None
+) -> list[Float[Tensor, "*batch new_rows new_cols"]]:
+    """Change all images in one way that is drawn, and cut the same square out of them.
+
+    Args:
+        images: Images of one size.
+        draw: Source of what is drawn.
+        augment: Whether they are mirrored, turned, moved and scaled.
+        side: Rows and columns of the square; None cuts nothing out.
+
+    Raises:
+        ValueError: If the images are smaller than the square.
+    """
+    changed = [*images]
+    if augment:
+        change = Augmentation.drawn(draw)
+        changed = [change(image) for image in changed]
+    return changed if side is None else cut(changed, side, draw)
+
+
 def cut(images: Sequence[Image], side: int, draw: np.random.Generator) -> list[Float[Tensor, "*batch side side"]]:
     """Cut the same square out of all images, anywhere.
 

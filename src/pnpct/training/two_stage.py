@@ -18,7 +18,7 @@ from torch import distributed, nn
 from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
 from pnpct.training.pairs import Pair
 
-Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised"]
+Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
 
 NumberedPairs: TypeAlias = Callable[[int], Pair]
 """Pairs by number, as `Pairs` is; the same number is always the same pair."""

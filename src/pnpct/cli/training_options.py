@@ -1,0 +1,50 @@
+"""The options of `pnpct train` that choose and tune the method."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pnpct.cli.methods import check_effect
+from pnpct.cli.parsing import option
+from pnpct.cli.training_methods import METHODS, SingleScan, Supervised, TwoStage
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingOptions:
+    """The method and its options, None where they were not given: only then they may have no effect.
+
+    Args:
+        method: two-stage begins with noise to noise and ends with dose pairs; supervised has dose pairs alone;
+            single-scan sets parts of the views of one scan against each other.
+        parts: Parts that the views are dealt out to, for single-scan; each of at least 30 views.
+        loop_denoiser: Network that denoises in the loop of ADMM, from which half of the noisy images come; total
+            variation of random strength if none is given.
+        loop_iterations: Most iterations of that loop.
+        fine_tuning_epochs: Epochs of the second stage.
+        examples: Slices that are scanned and reconstructed, before they come again with other changes.
+        kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
+        lowest_ma: Lowest tube current of low-dose scans, mA.
+        highest_ma: Highest tube current of low-dose scans, mA.
+    """
+
+    method: Literal["two-stage", "supervised", "single-scan"] = "two-stage"
+    parts: Annotated[int | None, option(default=SingleScan.parts)] = None
+    loop_denoiser: str | None = None
+    loop_iterations: Annotated[int | None, option(default=TwoStage.loop_iterations)] = None
+    fine_tuning_epochs: Annotated[int | None, option(default=TwoStage.fine_tuning_epochs)] = None
+    examples: Annotated[int | None, option(default=TwoStage.examples)] = None
+    kept: Path | None = None
+    lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
+    highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
+
+    def chosen_method(self) -> TwoStage | Supervised | SingleScan:
+        """Return the method with the options that were given.
+
+        Raises:
+            ValueError: If one of them has no effect on it.
+        """
+        values: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(TrainingOptions)}
+        del values["method"]
+        given = {name: value for name, value in values.items() if value is not None}
+        check_effect(given, self.method, METHODS)
+        return METHODS[self.method](**given)

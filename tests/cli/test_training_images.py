@@ -1,0 +1,85 @@
+"""The parts of a single scan, and what a network learns from them."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from pnpct.cli.training_images import fbp_image, view_subset_images
+from pnpct.denoisers import RDNCBAM, RDNSize
+from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+from pnpct.operators import Projector
+from pnpct.physics import Scan, simulate_counts
+from pnpct.training import SplitViewPairs, mean_squared_error, train
+
+MU_WATER = 0.0193
+
+
+def scan_of(image: torch.Tensor, grid: ImageGrid, geometry: FanBeam, *, incident: float, seed: int = 0) -> Scan:
+    line_integrals = Projector(grid, geometry, mu_water=MU_WATER)(image)
+    generator = torch.Generator().manual_seed(seed)
+    counts = simulate_counts(line_integrals, torch.tensor(incident), generator=generator)
+    return Scan(counts, torch.tensor(incident), 0.0, geometry=geometry, mu_water=MU_WATER)
+
+
+@pytest.fixture(scope="module")
+def fan(geometry: FanBeam) -> FanBeam:
+    return replace(geometry, view_angles=evenly_spaced_views(120))
+
+
+@pytest.fixture(scope="module")
+def scan(disk: torch.Tensor, grid: ImageGrid, fan: FanBeam) -> Scan:
+    return scan_of(disk, grid, fan, incident=2e4)
+
+
+@pytest.mark.parametrize("parts", [2, 3, 4])
+def test_the_mean_of_the_parts_is_the_image_of_all_views(scan: Scan, grid: ImageGrid, parts: int) -> None:
+    images = view_subset_images(scan, grid, parts)
+    torch.testing.assert_close(images.mean(0), fbp_image(scan, grid), rtol=0, atol=1e-5)
+    assert (images[0] - images[1]).abs().max() > 0.01
+
+
+def test_a_part_knows_no_count_of_another_even_where_rays_are_starved(
+    disk: torch.Tensor, grid: ImageGrid, fan: FanBeam
+) -> None:
+    starved = scan_of(disk, grid, fan, incident=300.0)
+    images = view_subset_images(starved, grid, 3)
+    counts = starved.counts.clone()
+    counts[1::3] += 5.0
+    changed = view_subset_images(replace(starved, counts=counts), grid, 3)
+    assert torch.equal(images[0], changed[0])
+    assert torch.equal(images[2], changed[2])
+    assert not torch.equal(images[1], changed[1])
+
+
+def test_what_is_said_of_each_view_goes_with_it_and_slices_stay_slices(scan: Scan, grid: ImageGrid) -> None:
+    images = view_subset_images(scan, grid, 3)
+    current = 1 + 0.5 * torch.linspace(0, 1, 120)[:, None]  # of the tube, from view to view
+    modulated = replace(scan, counts=scan.counts * current, incident=scan.incident * current)
+    both = replace(modulated, counts=torch.stack([modulated.counts, modulated.counts.flip(0)]))
+    of_both = view_subset_images(both, grid, 3)
+    assert of_both.shape == (3, 2, *grid.shape)
+    torch.testing.assert_close(of_both[:, 0], images, rtol=0, atol=1e-4)
+
+
+def test_parts_that_cannot_be_made_are_refused(scan: Scan, grid: ImageGrid) -> None:
+    with pytest.raises(ValueError, match="at least two parts, got 1"):
+        view_subset_images(scan, grid, 1)
+    with pytest.raises(ValueError, match="5 parts of at least 30 views each cannot be made of 120 views"):
+        view_subset_images(scan, grid, 5)
+
+
+def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth(grid: ImageGrid, fan: FanBeam) -> None:
+    x, y = torch.from_numpy(grid.x)[None, :], torch.from_numpy(grid.y)[:, None]
+    disk = torch.sigmoid((85 - torch.hypot(x, y)) / 10)  # no edges, or their errors would be above the noise
+    truth = (disk + 0.2 * torch.sigmoid((25 - torch.hypot(x - 30, y - 20)) / 8)).float()
+    noisy = scan_of(truth, grid, fan, incident=1e3)
+    pairs = SplitViewPairs(view_subset_images(noisy, grid, 4), seed=0)
+    torch.manual_seed(0)
+    D = RDNCBAM(RDNSize(features=8, growth=8, blocks=1, convolutions=2))
+    options = {"epochs": 1, "pairs_per_epoch": 360, "batch": 4, "at_once": 4, "learning_rate": 3e-3}
+    list(train(D, pairs, stage="single-scan", loss=mean_squared_error, **options))
+    image = fbp_image(noisy, grid)
+    with torch.no_grad():
+        errors = [float((each - truth).square().mean().sqrt()) for each in (image, D(image[None])[0])]
+    assert errors[1] < 0.6 * errors[0], errors
