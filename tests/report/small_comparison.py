@@ -83,7 +83,8 @@ CHECKS = (
 def _case(folder: Path, name: str, seed: int) -> Case:
     stored = {method: _stored(folder, f"{name}-{method}", image) for method, image in images(seed).items()}
     ramp = torch.linspace(-4.0, 8.0, 64).expand(64, 64).contiguous()
-    maps = {"t": _stored(folder, f"{name}-t", ramp), "verifiable_hu": _stored(folder, f"{name}-v", 30.0 + ramp)}
+    verifiable = {"verifiable_hu": _stored(folder, f"{name}-v", 30.0 + ramp)}
+    maps = {"fbp": verifiable, "pnp": {"t": _stored(folder, f"{name}-t", ramp), **verifiable}}
     return Case(
         name=name,
         label=f"{name.title()}, {40 + 20 * seed} mA",
@@ -93,7 +94,7 @@ def _case(folder: Path, name: str, seed: int) -> Case:
         geometry="984 views of 900 bins on an arc",
         details=(Detail(26, 32, 16),),
         images=stored,
-        maps={"pnp": maps} if seed == 0 else {},
+        maps=maps if seed == 0 else {},
         seed=seed,
     )
 

@@ -138,7 +138,7 @@ def test_the_control_is_among_the_images(page):
     assert data["cases"][0]["order"] == ["fbp", "fbp-blurred", "pnp", "reference", "truth"]
     assert data["window"] == [30.0, 300.0]
     texts = [element for element in page.all("script") if element.attributes.get("type") == "text/plain"]
-    assert len(texts) == 12  # five images and two cases, two maps
+    assert len(texts) == 11  # five images of two cases with one truth, a map, and one that two methods share
     assert all(element.text for element in texts)
 
 

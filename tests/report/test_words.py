@@ -1,7 +1,7 @@
 import pytest
 from parsed_page import read_number
 
-from pnpct.report.words import spell, title_of, unit_of
+from pnpct.report.words import common_decimals, spell, title_of, unit_of
 
 VALUES = [0.0, 1.0, -3.14159, 41.23, 9.996, 999.4, 1314.19, -12345.6, 346200.0, 0.0004, 3.07e-9, -0.0275]
 
@@ -39,3 +39,24 @@ def test_a_sign_may_be_asked_for():
 )
 def test_names_become_titles_and_units(name, title, unit):
     assert (title_of(name), unit_of(name)) == (title, unit)
+
+
+@pytest.mark.parametrize(
+    ("values", "decimals"),
+    [
+        ([121.4, 63.9, 8.8], 1),
+        ([1234.5, -30.0], 0),
+        ([1234.5, -3.0], None),
+        ([23456.0, 1.0], None),
+        ([0.0128, 0.0341], 5),
+        ([0.5, 0.0004], None),
+        ([0.751, 0.794], 4),
+        ([0.0, None], 0),
+        ([1e-9], None),
+    ],
+)
+def test_a_row_of_numbers_ends_at_one_digit_unless_that_would_hide_some(values, decimals):
+    assert common_decimals(values) == decimals
+    if decimals is not None:
+        for value in filter(None, values):
+            assert abs(read_number(spell(value, decimals=decimals))[0]) > 0

@@ -18,7 +18,7 @@ from pnpct.report.images import FoundImage, checks_of_images, columns, find_imag
 from pnpct.report.marked_numbers import Numbers
 from pnpct.report.styles import styles_of
 from pnpct.report.tables import case_tables
-from pnpct.report.viewer import MAPS, PRESETS, pixel_id, viewer_data
+from pnpct.report.viewer import MAPS, PRESETS, pixel_texts, viewer_data
 from pnpct.report.words import title_of, unit_of
 
 STYLES = ("tokens", "layout", "tables", "viewer", "charts", "print")
@@ -75,6 +75,7 @@ def _content(comparison: Comparison, images: tuple[FoundImage, ...], window: tup
     numbers, styles = Numbers(msgspec.to_builtins(comparison)), styles_of(comparison)
     all_lights = header.lights(comparison, checks_of_images(images), numbers)
     given = (comparison, numbers, styles)
+    pixels_of_first_case, other_pixels = pixel_texts(images)
     script, style_sheet = _script(), _style_sheet()
     definitions = header.definition_rows(comparison, numbers)
     return {
@@ -98,8 +99,8 @@ def _content(comparison: Comparison, images: tuple[FoundImage, ...], window: tup
         "window": window,
         "maps": _maps(comparison),
         "viewer_data": viewer_data(comparison, images, styles, window=window),
-        "pixels": [(pixel_id(number), image.packed.text) for number, image in enumerate(images)],
-        "first": sum(image.case == images[0].case for image in images) if images else 0,
+        "pixels_of_first_case": pixels_of_first_case,
+        "other_pixels": other_pixels,
         "curve_charts": curve_charts.curve_charts(*given),
         "curve_tables": curve_charts.curve_tables(*given),
         "change_charts": texture_charts.change_charts(comparison, numbers),

@@ -17,10 +17,14 @@ Greys = NDArray[np.uint8]
 SIDE = 512.0
 """Width of a panel."""
 
-GAP, MARGIN, HEADER, FOOTER = 8.0, 44.0, 52.0, 76.0
+GAP, MARGIN, HEADER, FOOTER = 8.0, 56.0, 64.0, 88.0
 """Between panels, left of them for the names of the rows, above them for the names of the columns, below them."""
 
 ENLARGED = 3.0
+
+LARGEST = 36.0
+"""Height of letters."""
+
 COLOURS = ("#ffd23f", "#5ec8ff", "#ff8fd0", "#8ce99a")
 
 
@@ -80,7 +84,7 @@ class Label:
     x: float
     y: float
     text: str
-    size: float = 20.0
+    size: float
     anchor: str = "middle"
     turned: bool = False
 
@@ -114,17 +118,18 @@ def lay_out(rows: Sequence[PanelRow], *, window: tuple[float, float]) -> Layout:
     left = {name: MARGIN + number * (SIDE + GAP) for number, name in enumerate(names)}
     tiles: list[Tile] = []
     boxes: list[Box] = []
-    labels = [Label(left[name] + SIDE / 2, HEADER / 2, name, 22.0) for name in names]
+    size = _fitting(names)
+    labels = [Label(left[name] + SIDE / 2, HEADER / 2, name, size) for name in names]
     top = HEADER
     for row in rows:
         for name, image in row.images.items():
             tiles += _tiles(row, _greys(image, window), left[name], top)
             boxes += _boxes(row, left[name], top)
-        labels.append(Label(MARGIN / 2, top + _panel_height(row) / 2, row.label, 24.0, turned=True))
+        labels.append(Label(MARGIN / 2, top + _panel_height(row) / 2, row.label, LARGEST, turned=True))
         top += _height(row) + GAP
     width = MARGIN + len(names) * (SIDE + GAP)
     tiles.append(Tile(MARGIN, top + 12, SIDE, 14, np.arange(256, dtype=np.uint8)[None, :], frame="#808080"))
-    labels += _scale_labels(top, window)
+    labels += _scale_labels(rows, top, window)
     return Layout(width, top + FOOTER, tuple(tiles), tuple(boxes), tuple(labels))
 
 
@@ -159,12 +164,19 @@ def _colours(row: PanelRow) -> list[str]:
     return [COLOURS[number % len(COLOURS)] for number in range(len(row.details))]
 
 
-def _scale_labels(top: float, window: tuple[float, float]) -> Iterator[Label]:
+def _fitting(names: Sequence[str]) -> float:
+    """Height of letters, which are about half as wide, so that the longest name fits over a panel."""
+    return min(LARGEST, SIDE / (0.55 * max(1, *map(len, names))))
+
+
+def _scale_labels(rows: Sequence[PanelRow], top: float, window: tuple[float, float]) -> Iterator[Label]:
     level, width = window
     for place, anchor, value in ((0.0, "start", -0.5), (0.5, "middle", 0.0), (1.0, "end", 0.5)):
-        yield Label(MARGIN + place * SIDE, top + 46, f"{spell_exactly(level + value * width)} HU", 18.0, anchor)
-    words = f"window: level {spell_exactly(level)} HU, width {spell_exactly(width)} HU; details enlarged 3 times"
-    yield Label(MARGIN + SIDE + 24, top + 24, words, 18.0, "start")
+        yield Label(MARGIN + place * SIDE, top + 52, f"{spell_exactly(level + value * width)} HU", 28.0, anchor)
+    words = f"window: level {spell_exactly(level)} HU, width {spell_exactly(width)} HU"
+    enlarged = sorted({f"{row.enlargement:.2g}" for row in rows if row.details})
+    words += f"; details enlarged {' or '.join(enlarged)} times" if enlarged else ""
+    yield Label(MARGIN + SIDE + 24, top + 20, words, 28.0, "start")
 
 
 def _greys(image: Image, window: tuple[float, float]) -> Greys:

@@ -1,6 +1,6 @@
 """Tables of a page."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pnpct.comparison import Comparison
@@ -14,20 +14,22 @@ Cell = str
 
 @dataclass(frozen=True)
 class Head:
-    """The head of a column: its title, its unit, and whether words are below it instead of numbers."""
+    """The head of a column: its title, its unit, whether words are below it instead of numbers, and its colour."""
 
     title: str
     unit: str = ""
     words: bool = False
+    style: str = ""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row: what it is about, its cells, and the class of its colour."""
+    """A row: what it is about, its cells, the class of its colour, and the unit of its numbers."""
 
     label: str
     cells: tuple[Cell, ...]
     style: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,8 @@ class Table:
     rows: tuple[Row, ...]
 
 
-def case_tables(comparison: Comparison, numbers: Numbers, part: str, styles: dict[str, str]) -> tuple[Table, ...]:
-    """Return a table for each case that a part of the comparison has: methods below each other.
+def case_tables(comparison: Comparison, numbers: Numbers, part: str, styles: Mapping[str, str]) -> tuple[Table, ...]:
+    """Return a table for each case that a part of the comparison has: numbers below each other, methods as columns.
 
     Args:
         comparison: The comparison.
@@ -50,28 +52,19 @@ def case_tables(comparison: Comparison, numbers: Numbers, part: str, styles: dic
     """
     tables = []
     for place, case in enumerate(comparison.cases):
-        of_case = numbers.find(part, case.name)
-        if of_case:
-            times = part == "fidelity" and any(image.seconds is not None for image in case.images.values())
-            names = _names([*of_case.values()])
-            decimals = {name: common_decimals(row.get(name) for row in of_case.values()) for name in names}
-            rows = tuple(
-                Row(
-                    label,
-                    (
-                        *(numbers(part, case.name, method, name, decimals=decimals[name]) for name in names),
-                        *([numbers("cases", place, "images", method, "seconds")] if times else []),
-                    ),
-                    styles[method],
-                )
-                for method, label in labels(comparison).items()
-                if method in of_case
-            )
-            heads = [*(Head(title_of(name), unit_of(name)) for name in names), *([Head("Time", "s")] if times else [])]
-            tables.append(Table(case.label, tuple(heads), rows))
+        of_case: Mapping[str, Mapping[str, float | None]] = getattr(comparison, part).get(case.name, {})
+        found = {method: label for method, label in labels(comparison).items() if method in of_case}
+        names = dict.fromkeys(name for row in of_case.values() for name in row)
+        rows = [_row(numbers, [(part, case.name, method, name) for method in found], name) for name in names]
+        if names and part == "fidelity" and any(image.seconds is not None for image in case.images.values()):
+            rows.append(_row(numbers, [("cases", place, "images", method, "seconds") for method in found], "time_s"))
+        if rows:
+            heads = tuple(Head(label, style=styles[method]) for method, label in found.items())
+            tables.append(Table(case.label, heads, tuple(rows)))
     return tuple(tables)
 
 
-def _names(rows: Sequence[dict[str, float | None]]) -> list[str]:
-    """All names of numbers, in the order in which they first come."""
-    return [*dict.fromkeys(name for row in rows for name in row)]
+def _row(numbers: Numbers, paths: Sequence[tuple[str | int, ...]], name: str) -> Row:
+    """One number of all methods, all to the same digit where that serves them."""
+    decimals = common_decimals(numbers.find(*path) for path in paths)
+    return Row(title_of(name), tuple(numbers(*path, decimals=decimals) for path in paths), unit=unit_of(name))

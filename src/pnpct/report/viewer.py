@@ -45,16 +45,22 @@ def viewer_data(
     return Markup(safe)
 
 
-def pixel_id(number: int) -> str:
-    """Return the name of the element that holds the pixels of an image."""
-    return f"pixels-{number}"
+def pixel_id(image: FoundImage) -> str:
+    """Return the name of the element that holds the pixels of an image: alike ones share it."""
+    return f"pixels-{'map' if image.shows else 'image'}-{image.sha256[:20]}"
+
+
+def pixel_texts(images: Sequence[FoundImage]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the pixels as texts by the names of their elements: those of the first case, and those of the others."""
+    first = {pixel_id(image): image.packed.text for image in images if image.case == images[0].case}
+    return first, {name: image.packed.text for image in images if (name := pixel_id(image)) not in first}
 
 
 def _case(case: Case, order: Sequence[str], images: Sequence[FoundImage]) -> dict[str, Any]:
     stored: dict[str, dict[str, Any]] = {name: {"maps": {}} for name in order}
-    for number, image in enumerate(images):
+    for image in images:
         if image.case == case.name:
-            pixels = {"pixels": pixel_id(number), "step": image.packed.step, "changed": image.changed}
+            pixels = {"pixels": pixel_id(image), "step": image.packed.step, "changed": image.changed}
             if image.shows:
                 stored[image.method]["maps"][image.shows] = pixels
             else:

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Iterable
 
-_UNITS = {"hu": "HU", "db": "dB", "mm": "mm", "ma": "mA", "kvp": "kVp", "seconds": "s", "percent": "%"}
+_UNITS = {"hu": "HU", "db": "dB", "mm": "mm", "ma": "mA", "kvp": "kVp", "s": "s", "percent": "%"}
 _CAPITALS = {"rmse", "psnr", "ssim", "emd", "asm", "fbp", "hu", "nps", "ttf", "glcm", "sha256", "ldctbench", "lodopab"}
 _SPELLED = {"ldctbench": "ldct-bench", "lodopab": "LoDoPaB", "sha256": "SHA-256"}
 
