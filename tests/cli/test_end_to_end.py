@@ -11,6 +11,7 @@ from PIL import Image as Picture
 
 from pnpct.cli import main
 from pnpct.files import Provenance, read_image, read_scan, read_truth, sha256_of
+from pnpct.report.panel_layout import FOOTER, GAP, HEADER, MARGIN, SIDE
 from pnpct.units import to_hu
 
 SMALL = ["--size", "128", "--views", "120", "--bins", "225"]
@@ -209,7 +210,7 @@ def test_the_demo_runs_everything_and_what_uses_the_statistics_comes_nearest(run
     # Pixels of 5 mm are none that the network has learnt from; it must not be worse than what it replaces.
     assert max(errors["tv"], errors["pnp"]) < min(errors["fbp-hann"], errors["fbp-soft"])
     with Picture.open(folder / "comparison.png") as picture:
-        assert picture.size == (44 + 4 * 520, 52 + 2 * 512 + 4 + 8 + 76)
+        assert picture.size == (MARGIN + 4 * (SIDE + GAP), HEADER + 2 * SIDE + GAP / 2 + GAP + FOOTER)
         assert json.loads(picture.text["Comment"])["command"][:2] == ["pnpct", "demo"]
     # What it did can be repeated with the commands that it showed.
     shown = [line.removeprefix("$ pnpct ").split() for line in out.splitlines() if line.startswith("$ pnpct ")]

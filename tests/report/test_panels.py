@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image as Picture
+from PIL import ImageFont
 
 from pnpct.comparison import Detail, read_comparison
 from pnpct.files import Provenance
@@ -41,6 +42,14 @@ def test_details_are_enlarged_three_times_unless_there_is_no_room():
     assert enlarged.width == enlarged.height == 3 * box.side
     assert enlarged.top > panel.top + panel.height
     np.testing.assert_array_equal(enlarged.greys, panel.greys[8:24, 16:32])
+
+
+def test_names_fit_over_their_panels():
+    for name in ("FBP", "fbp-soft: 35.7 HU RMS error in soft tissue"):
+        layout = lay_out([PanelRow("", {name: torch.ones(8, 8)})], window=WINDOW)
+        (label,) = [label for label in layout.labels if label.text == name]
+        assert ImageFont.load_default(size=label.size).getlength(name) < SIDE
+        assert label.size > 20
 
 
 def test_nothing_overlaps_and_all_is_inside(rows):
