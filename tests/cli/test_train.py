@@ -107,7 +107,6 @@ def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_pa
         "--examples 1000",
         "--lowest-ma 20",
         "--highest-ma 200",
-        "--fine-tuning-epochs 20",
     ],
 )
 def test_options_of_a_data_set_are_refused_for_a_single_scan(tmp_path: Path, run, words: str) -> None:
@@ -118,6 +117,16 @@ def test_options_of_a_data_set_are_refused_for_a_single_scan(tmp_path: Path, run
     assert status == 2
     assert err == (
         f"pnpct: {name} has no effect on --method single-scan, but on two-stage or supervised; leave out one of them.\n"
+    )
+
+
+@pytest.mark.parametrize("method", ["supervised", "single-scan"])
+def test_fine_tuning_is_of_two_stages_alone(tmp_path: Path, run, method: str) -> None:
+    words = ("--method", method, "--fine-tuning-epochs", "20")
+    status, _, err = run("train", tmp_path, tmp_path / "a.safetensors", *words)
+    assert status == 2
+    assert err == (
+        f"pnpct: --fine-tuning-epochs has no effect on --method {method}, but on two-stage; leave out one of them.\n"
     )
 
 

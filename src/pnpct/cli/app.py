@@ -16,7 +16,7 @@ COMMANDS = {
     "simulate draw": "Draw a scan from a slice of a data set.",
     "import arrays": "Make a scan of counts or line integrals in numpy files.",
     "import catsim": "Make a scan of the raw files of CatSim.",
-    "train": "Train a denoiser on a data set, in the two stages of the paper.",
+    "train": "Train a denoiser on a data set, in the two stages of the paper, or on one scan.",
     "reconstruct": "Reconstruct the image of a scan.",
     "denoise": "Denoise an image.",
     "evaluate": "Compare an image with the truth.",

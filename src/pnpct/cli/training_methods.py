@@ -39,7 +39,6 @@ class Supervised:
 
     loop_denoiser: str | None = None
     loop_iterations: int = 3
-    fine_tuning_epochs: int = 20
     examples: int = 1000
     kept: Path | None = None
     lowest_ma: float = 20.0
@@ -89,6 +88,8 @@ class Supervised:
 @dataclass(frozen=True)
 class TwoStage(Supervised):
     """Learn as the paper does, first from pairs of noisy images of the data set."""
+
+    fine_tuning_epochs: int = 20
 
     @override
     def _taught(

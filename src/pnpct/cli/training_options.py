@@ -20,7 +20,7 @@ class TrainingOptions:
         loop_denoiser: Network that denoises in the loop of ADMM, from which half of the noisy images come; total
             variation of random strength if none is given.
         loop_iterations: Most iterations of that loop.
-        fine_tuning_epochs: Epochs of the second stage.
+        fine_tuning_epochs: Epochs of the second stage, for two-stage.
         examples: Slices that are scanned and reconstructed, before they come again with other changes.
         kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
         lowest_ma: Lowest tube current of low-dose scans, mA.
