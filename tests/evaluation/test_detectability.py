@@ -134,8 +134,8 @@ def test_one_seed_gives_one_result() -> None:
 
 def test_what_cannot_be_judged_is_refused() -> None:
     present, absent = pairs(GAUSSIAN, count=40)
-    with pytest.raises(ValueError, match="at least 20 pairs"):
-        hotelling(present[:10], absent[:10])
+    with pytest.raises(ValueError, match="at least 40 pairs"):
+        hotelling(present[:39], absent[:39])
     with pytest.raises(ValueError, match="independent noise"):
         hotelling(present[:1].repeat(40, 1, 1), absent)
     with pytest.raises(ValueError, match="Two resamples"):

@@ -106,7 +106,7 @@ def channelised_hotelling(
         d′ with its 95 % interval (d′ ± 1.96 bootstrap standard errors), and the area under the ROC curve.
 
     Raises:
-        ValueError: If there are fewer than four pairs per channel (100 are advised), a number is not finite or
+        ValueError: If there are fewer than eight pairs per channel (100 are advised), a number is not finite or
             out of its range, or the noise has no variance.
 
     References:
@@ -115,8 +115,8 @@ def channelised_hotelling(
     """
     pairs, side = present.shape[0], present.shape[-1]
     u = laguerre_gauss_channels(side, spacing=spacing, diameter=diameter, channels=channels).reshape(channels, -1)
-    if pairs < 4 * channels:
-        raise ValueError(f"{channels} channels need at least {4 * channels} pairs of images, got {pairs}.")
+    if pairs < 8 * channels:  # with less, a resample of a half may hold too few images for a covariance
+        raise ValueError(f"{channels} channels need at least {8 * channels} pairs of images, got {pairs}.")
     v = _centred(_flat(present, absent)) @ u.T
     _check_varies(v, pairs)
     hotelling = _hotelling(v[:pairs], v[pairs:])
