@@ -191,6 +191,8 @@ def test_what_cannot_be_tested_is_refused() -> None:
         score_test(SLICE.truth, data, PROJECTOR, diameter=200.0)
     with pytest.raises(ValueError, match="floor"):
         score_test(SLICE.truth, data, PROJECTOR, floor=-1.0)
+    with pytest.raises(ValueError, match="a number for each"):
+        score_test(SLICE.truth, data, PROJECTOR, information=torch.ones(2, 2))
     with pytest.raises(ValueError, match="two realisations"):
         score_threshold(
             lambda _: SLICE.truth, SLICE.truth, data, PROJECTOR, generator=torch.Generator(), realisations=1

@@ -84,7 +84,7 @@ def score_test(
     *,
     diameter: float = 8.0,
     floor: float = 1.0,
-    information: Float[Tensor, "rows cols"] | None = None,
+    information: Float[Tensor, "_ _"] | None = None,
 ) -> ScoreTest:
     """Ask the data, at every pixel, whether a disc should be added to the image there or taken away.
 
@@ -113,8 +113,8 @@ def score_test(
         takes about 7 s on one core for 512 × 512 pixels, 984 views and 900 bins.
 
     Raises:
-        ValueError: If the image is not on the projector's grid, there are several slices, or a number is out of its
-            range.
+        ValueError: If the image or the information is not on the projector's grid, there are several slices, or a
+            number is out of its range.
 
     References:
         Rao, Proc. Camb. Philos. Soc. 44 (1948) 50: score tests.
@@ -122,6 +122,10 @@ def score_test(
     _check(image, sinogram, projector, diameter, floor)
     if information is None:
         information = disc_information(sinogram.weights, projector, diameter)
+    elif information.shape != image.shape:
+        raise ValueError(
+            f"The information needs a number for each of {tuple(image.shape)} pixels, got {tuple(information.shape)}."
+        )
     return _scored(image, sinogram, projector, information / floor, diameter=diameter, floor=floor)
 
 
