@@ -253,3 +253,9 @@ def test_catsim_sees_the_same_chest(shared_data: Path) -> None:
         air, quantum = torch.from_numpy(s1["air_S1"]), torch.from_numpy(s2["air_S2"] / s1["air_S1"])
     torch.testing.assert_close(moments.quantum, quantum, rtol=0.005, atol=0)
     torch.testing.assert_close(moments.air_mean * 800 / 984, air, rtol=0.01, atol=0)
+
+
+def test_air_alone_lets_everything_pass(fan: FanBeam) -> None:
+    nothing = Phantom(("air",), torch.ones(1, 8, 8), ImageGrid(8, 8, spacing=10.0))
+    moments = moments_of(nothing, fan, scanner_beam(fan))
+    torch.testing.assert_close(moments.signal_mean, moments.air_mean.expand(40, -1))

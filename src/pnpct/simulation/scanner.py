@@ -140,7 +140,7 @@ def simulate_moments(
     sampling = sampling or Sampling()
     solid = [
         index for index, share in enumerate(phantom.fractions) if phantom.materials[index] != "air" and share.any()
-    ]
+    ] or [0]  # air alone is as good as nothing
     materials, fractions = tuple(phantom.materials[index] for index in solid), phantom.fractions[solid]
     samples: list[list[Moments]] = []
     for each in sampling.geometries(geometry):
