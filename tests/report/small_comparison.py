@@ -14,9 +14,9 @@ from pnpct.comparison import (
     Curve,
     Detail,
     DosePoint,
-    EqualDose,
+    DoseShare,
     Grid,
-    LesionRecovery,
+    LesionResult,
     Method,
     StoredImage,
     Task,
@@ -63,7 +63,7 @@ def make_comparison(folder: Path) -> Comparison:
         curves=tuple(_curve(kind, n) for kind in ("noise-power", "transfer") for n in range(3)),
         tasks=_tasks(),
         lesions=tuple(
-            LesionRecovery("chest", name, "12 mm, −40 HU", -40.0, 1.0 - 0.21 * n, 0.031 * n, 0.42 * n)
+            LesionResult("chest", name, "12 mm, −40 HU", -40.0, 1.0 - 0.21 * n, 0.031 * n, 0.42 * n)
             for n, name in enumerate(NAMES)
         ),
         checks=CHECKS,
@@ -152,8 +152,8 @@ def _tasks() -> tuple[Task, ...]:
     }
     doses = {
         "fbp": None,
-        "fbp-blurred": EqualDose("FBP hann at 320 mA", 0.97, 0.86, 1.09),
-        "pnp": EqualDose("FBP hann at 320 mA", 0.64, 0.55, 0.73),
+        "fbp-blurred": DoseShare("FBP hann at 320 mA", 0.97, 0.86, 1.09),
+        "pnp": DoseShare("FBP hann at 320 mA", 0.64, 0.55, 0.73),
     }
     hotelling = [
         Task(name, "channelised Hotelling", lesion, points[name], doses[name])

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from small_comparison import make_comparison
 
-from pnpct.comparison import Comparison, EqualDose
+from pnpct.comparison import Comparison, DoseShare
 from pnpct.report import write_report
 from pnpct.report.dose_words import dose_statements
 from pnpct.report.marked_numbers import Numbers
@@ -40,7 +40,7 @@ def test_the_whole_claim_has_task_observer_reference_interval_and_control(compar
 
 
 def test_the_least_favourable_lesion_is_the_one_that_counts(comparison):
-    worse = EqualDose("FBP hann at 320 mA", 0.8, 0.75, 0.85)
+    worse = DoseShare("FBP hann at 320 mA", 0.8, 0.75, 0.85)
     changed = with_tasks(
         comparison,
         lambda task: replace(task, equal_dose=worse) if (task.method, task.lesion[0]) == ("pnp", "5") else task,
@@ -53,9 +53,9 @@ def test_the_least_favourable_lesion_is_the_one_that_counts(comparison):
     "dose",
     [
         None,
-        EqualDose("FBP hann at 320 mA", None, None, None),
-        EqualDose("FBP hann at 320 mA", 0.64, None, 0.73),
-        EqualDose("FBP hann at 320 mA", 0.64, 0.55, None),
+        DoseShare("FBP hann at 320 mA", None, None, None),
+        DoseShare("FBP hann at 320 mA", 0.64, None, 0.73),
+        DoseShare("FBP hann at 320 mA", 0.64, 0.55, None),
     ],
     ids=["no share", "outside the doses", "no lower end", "no upper end"],
 )
@@ -73,7 +73,7 @@ def test_without_the_control_nothing_is_said_about_dose(comparison):
 
 @pytest.mark.parametrize("high", [1.0, 1.2, 0.98])
 def test_no_saving_is_claimed_where_the_interval_reaches_all_or_the_control(comparison, high):
-    words = said(with_tasks(comparison, of_pnp(EqualDose("FBP hann at 320 mA", 0.9, 0.8, high))))
+    words = said(with_tasks(comparison, of_pnp(DoseShare("FBP hann at 320 mA", 0.9, 0.8, high))))
     assert "dose reduction" not in words
     assert "No saving is shown" in words
 

@@ -12,7 +12,7 @@ from pnpct.comparison.candidates import Candidate
 from pnpct.comparison.honesty import Evidence, judge, lesions, sweep
 from pnpct.comparison.measures import Values, fidelity_values, histogram_values
 from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import Case, Check, Detail, Grid, LesionRecovery, StoredImage
+from pnpct.comparison.results import Case, Check, Detail, Grid, LesionResult, StoredImage
 from pnpct.comparison.stored_images import ImageFolder
 from pnpct.comparison.subjects import LoadedSubject, Subject
 from pnpct.evaluation import (
@@ -48,7 +48,7 @@ class CaseResults:
     fidelity: Mapping[str, Mapping[str, float | None]]
     texture: Mapping[str, Texture]
     histogram: Mapping[str, Mapping[str, float | None]]
-    lesions: tuple[LesionRecovery, ...]
+    lesions: tuple[LesionResult, ...]
     checks: tuple[Check, ...]
 
 

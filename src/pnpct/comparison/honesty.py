@@ -11,7 +11,7 @@ from scipy import ndimage
 from pnpct.arrays import Image
 from pnpct.comparison.candidates import Candidate
 from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import Check, LesionRecovery, StoredImage, Verdict
+from pnpct.comparison.results import Check, LesionResult, StoredImage, Verdict
 from pnpct.comparison.stored_images import ImageFolder
 from pnpct.evaluation import body_mask, consistency, insert_lesion, lesion_recovery, prior_sweep, score_test
 from pnpct.evaluation.disc_information import disc_information
@@ -107,7 +107,7 @@ def sweep(evidence: Evidence, image: Image) -> Check:
 
 def lesions(
     evidence: Evidence, images: Mapping[str, Image], candidates: Sequence[Candidate]
-) -> tuple[LesionRecovery, ...]:
+) -> tuple[LesionResult, ...]:
     """Put a lesion into the data, reconstruct again by every method, and measure what is left of it."""
     plan, A = evidence.plan, evidence.projector
     if plan.lesion_hu == 0:
@@ -123,7 +123,7 @@ def lesions(
         image, _ = evidence.folder.keep(f"with-lesion/{name}", partial(candidate.make, present, A), settings)
         one = lesion_recovery(image, images[name], lesion, A.grid)
         figures = one.recovered, one.spill, one.distant_hu
-        found.append(LesionRecovery(evidence.case, name, words, plan.lesion_hu, *figures))
+        found.append(LesionResult(evidence.case, name, words, plan.lesion_hu, *figures))
     return tuple(found)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pnpct.arrays import Image
 from pnpct.comparison.candidates import Candidate
-from pnpct.comparison.results import Curve, DosePoint, EqualDose, Task
+from pnpct.comparison.results import Curve, DosePoint, DoseShare, Task
 from pnpct.evaluation import (
     InsertDetectability,
     InsertScans,
@@ -135,7 +135,7 @@ def phantom_tasks(
                 "channelised Hotelling",
                 insert,
                 found,
-                EqualDose(reference, share, equal.fraction.low, equal.fraction.high),
+                DoseShare(reference, share, equal.fraction.low, equal.fraction.high),
             )
         if candidate.method.kind in ("fbp", "control"):
             for insert in INSERTS:
@@ -147,7 +147,7 @@ def _task(
     observer: Literal["channelised Hotelling", "NPWE"],
     insert: Insert,
     found: Sequence[InsertDetectability],
-    equal: EqualDose | None,
+    equal: DoseShare | None,
 ) -> Task:
     points = []
     for record in found:

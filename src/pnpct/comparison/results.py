@@ -139,7 +139,7 @@ class DosePoint:
 
 
 @dataclass(frozen=True)
-class EqualDose:
+class DoseShare:
     """The share of the reference's dose at which a method detects as well, 1 being no saving.
 
     Args:
@@ -171,11 +171,11 @@ class Task:
     observer: Literal["channelised Hotelling", "NPWE"]
     lesion: str
     points: tuple[DosePoint, ...]
-    equal_dose: EqualDose | None = None
+    equal_dose: DoseShare | None = None
 
 
 @dataclass(frozen=True)
-class LesionRecovery:
+class LesionResult:
     """What became of a lesion that was put into the data of a case.
 
     Args:
@@ -252,7 +252,7 @@ class Comparison:
     histogram: Numbers = field(default_factory=dict)
     curves: tuple[Curve, ...] = ()
     tasks: tuple[Task, ...] = ()
-    lesions: tuple[LesionRecovery, ...] = ()
+    lesions: tuple[LesionResult, ...] = ()
     checks: tuple[Check, ...] = ()
 
 

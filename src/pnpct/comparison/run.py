@@ -11,7 +11,7 @@ import numpy as np
 
 from pnpct.comparison.case_results import CaseResults, compare_case
 from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import Comparison, Curve, LesionRecovery, Numbers, Task
+from pnpct.comparison.results import Comparison, Curve, LesionResult, Numbers, Task
 from pnpct.comparison.subjects import Subject
 from pnpct.evaluation import FEATURES, FeatureChange, GLCMSpec, texture_change
 from pnpct.evaluation.tissue_errors import TISSUES
@@ -72,7 +72,7 @@ def summarise(
         one.case.name: {name: {key: getattr(values, key) for key in FEATURES} for name, values in one.texture.items()}
         for one in results
     }
-    lesions: tuple[LesionRecovery, ...] = tuple(lesion for one in results for lesion in one.lesions)
+    lesions: tuple[LesionResult, ...] = tuple(lesion for one in results for lesion in one.lesions)
     return Comparison(
         provenance,
         _definitions(plan),

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from markupsafe import Markup
 
-from pnpct.comparison import Comparison, LesionRecovery
+from pnpct.comparison import Comparison, LesionResult
 from pnpct.report.axes import fitted
 from pnpct.report.charts import ALONG, Bar, BarChart, Mark, row_top
 from pnpct.report.images import labels
@@ -54,7 +54,7 @@ def lesion_table(comparison: Comparison, numbers: Numbers, styles: Mapping[str, 
     return Table("Lesions put into the data", heads, rows)
 
 
-def _row(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str], index: int, entry: LesionRecovery) -> Row:
+def _row(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str], index: int, entry: LesionResult) -> Row:
     cells = (
         _case_label(comparison, entry.case),
         entry.lesion,
