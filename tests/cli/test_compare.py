@@ -31,7 +31,7 @@ def test_one_command_makes_all_images_numbers_and_the_page(files: dict[str, Path
     words = ["compare", folder, files["exposures"], "--tube-currents-ma", "50", *networks, *QUICK.split()]
     status, out, err = run(*words)
     assert (status, err) == (0, "")
-    assert "1 cases" in out
+    assert "report.html: 1 case, " in out
     written = {path.name for path in folder.iterdir()}
     assert {"images", "metrics.json", "metrics.csv", "report.html", "panel.png", "panel.svg"} <= written
     content = json.loads((folder / "metrics.json").read_text())

@@ -19,26 +19,26 @@ from pnpct.reconstruction.reconstruct import ITERATIONS
 from pnpct.reconstruction.tv_pwls import STRENGTH
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """The methods of the paper, total variation and the control, with their settings.
 
     Args:
-        kernel: Of FBP that all are measured against.
-        blur_pixels: Standard deviation of the Gaussian of the control, pixels.
-        tv_strength_hu: Of total variation, HU × pixel.
+        kernel: Of FBP that all methods are measured against.
+        blur_pixels: Standard deviation of the blurred FBP, the control, pixels.
+        tv_strength: Strength of total variation, HU times pixel.
         supervised: Network that was trained on dose pairs alone, by name or file.
         two_stage: Network that was trained in two stages, by name or file.
         beta: Penalty of plug-and-play ADMM.
         iterations: Its most iterations.
-        lesion_hu: Contrast of the lesion that is put into each case, HU; 0 puts none.
+        lesion_hu: Contrast of a lesion that is put into each case, HU; 0 puts none, and takes half the time.
         lesion_diameter: Its diameter, mm.
         seed: Of everything that is drawn.
     """
 
     kernel: Kernel = "hann"
     blur_pixels: float = 1.5
-    tv_strength_hu: float = 1000 * STRENGTH
+    tv_strength: float = 1000 * STRENGTH
     supervised: str = "supervised"
     two_stage: str = "n2n"
     beta: float = BETA
@@ -55,7 +55,7 @@ class Plan:
             ValueError: If it is none, or a setting is out of its range.
         """
         loop = partial(plug_and_play, beta=self.beta, iterations=self.iterations)
-        made = [filtered(self.kernel), blurred(self.blur_pixels), total_variation(self.tv_strength_hu)]
+        made = [filtered(self.kernel), blurred(self.blur_pixels), total_variation(self.tv_strength)]
         networks = {"supervised": ("supervised", self.supervised), "two-stage": ("two-stage", self.two_stage)}
         for words, (name, weights) in networks.items():
             path = network_file(weights)
