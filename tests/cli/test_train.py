@@ -1,10 +1,12 @@
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pnpct.files import sha256_of
 from pnpct.files.checkpoint import load_network
+from pnpct.files.training_file import write_training
 
 DATASET = "--anatomy pelvis --cases 3 --rows 1 --views 24 --bins 60 --size 32 --tube-voltages-kvp 120 --processes 1"
 TRAIN = "--epochs 2 --fine-tuning-epochs 1 --pairs-per-epoch 2 --batch 2"
@@ -43,9 +45,52 @@ def test_training_with_other_settings_is_not_continued(dataset: Path, tmp_path: 
     assert "other settings (seed)" in err
 
 
+def test_a_run_that_was_killed_goes_on_and_ends_as_if_it_had_not(
+    dataset: Path, tmp_path: Path, run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, killed = tmp_path / "whole.safetensors", tmp_path / "killed.safetensors"
+    assert run("train", dataset, whole, *TRAIN.split())[0] == 0
+    written = []
+
+    def and_die(*args: Any, **options: Any) -> None:
+        write_training(*args, **options)
+        written.append(args)
+        if len(written) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("pnpct.cli.train.write_training", and_die)
+    run("train", dataset, killed, *TRAIN.split())
+    assert not killed.exists()
+    monkeypatch.undo()
+    status, out, _ = run("train", dataset, killed, *TRAIN.split())
+    assert status == 0
+    assert "noise-to-noise" not in out
+    assert killed.read_bytes() == whole.read_bytes()
+
+
+def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
+    path = tmp_path / "tiny.safetensors"
+    path.with_suffix(".training").write_bytes(b"nothing")
+    status, _, err = run("train", dataset, path, *TRAIN.split())
+    assert status == 2
+    assert "remove it to begin anew" in err
+
+
+def test_the_paper_loss_is_another_one(dataset: Path, tmp_path: Path, run) -> None:
+    says = []
+    for losses in ("corrected", "paper"):
+        status, out, _ = run("train", dataset, tmp_path / f"{losses}.safetensors", *TRAIN.split(), "--losses", losses)
+        assert status == 0
+        says.append(out.splitlines()[2])
+    assert all("fine-tuning 1: loss" in line for line in says)
+    assert says[0] != says[1]
+
+
 @pytest.mark.parametrize(
     ("words", "names"),
     [
+        ("--size small --begin-with n2n", "--size --begin-with"),
+        ("--seed -1", "seed"),
         ("--batch 3", "batches of 3"),
         ("--batch 2 --learning-rate 0", "learning rate"),
         ("--lowest-ma 300", "Tube currents"),

@@ -1,15 +1,17 @@
 """The parts of a single scan, and what a network learns from them."""
 
 from dataclasses import replace
+from itertools import islice
 
 import pytest
 import torch
 
-from pnpct.cli.training_images import fbp_image, view_subset_images
-from pnpct.denoisers import RDNCBAM, RDNSize
+from pnpct.cli.training_images import BETAS, LoopImage, fbp_image, view_subset_images
+from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
-from pnpct.physics import Scan, simulate_counts
+from pnpct.physics import Scan, simulate_counts, take_log
+from pnpct.reconstruction import ADMMState, fbp, pnp_admm
 from pnpct.training import SplitViewPairs, mean_squared_error, train
 
 MU_WATER = 0.0193
@@ -83,3 +85,32 @@ def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth
     with torch.no_grad():
         errors = [float((each - truth).square().mean().sqrt()) for each in (image, D(image[None])[0])]
     assert errors[1] < 0.6 * errors[0], errors
+
+
+def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid) -> None:
+    """After some iterations the image is x + u of plug-and-play ADMM with the same denoiser, of the next one."""
+    denoise, given = Gaussian(0.8), []
+    drawn = LoopImage(denoise, "blur", iterations=3)
+    for seed in range(4):
+        image = drawn(scan, grid, torch.Generator().manual_seed(seed))
+        share, iterations = _beta_and_iterations(seed)
+        A = Projector(grid, scan.geometry, mu_water=scan.mu_water)
+        sinogram = take_log(scan)
+
+        def watched(shown: torch.Tensor) -> torch.Tensor:
+            given.append(shown)
+            return denoise(shown)
+
+        given.clear()
+        start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
+        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=share), iterations):
+            pass
+        torch.testing.assert_close(image, given[-1], rtol=0, atol=1e-4)
+
+
+def _beta_and_iterations(seed: int) -> tuple[float, int]:
+    """What is drawn, in its order: strength, penalty, iterations."""
+    generator = torch.Generator().manual_seed(seed)
+    torch.rand((), generator=generator)
+    share = float(torch.rand((), generator=generator))
+    return BETAS[0] * (BETAS[1] / BETAS[0]) ** share, int(torch.randint(1, 4, (), generator=generator))

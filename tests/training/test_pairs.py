@@ -9,7 +9,7 @@ from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 from pnpct.simulation import Phantom, clinical_fan_beam, expose, scanner_beam
 from pnpct.training import Examples, Pairs
-from pnpct.training.augmentation import Augmentation
+from pnpct.training.augmentation import Augmentation, change_alike
 
 GRID = ImageGrid(12, 12, spacing=20.0)
 
@@ -98,6 +98,26 @@ def test_a_pair_with_twice_the_noise_counts_half(file: Path) -> None:
     twice = Examples([file], doubled, (), seed=0)
     weights = [Pairs(examples, "noisy", seed=0)(0).weight for examples in (once, twice)]
     assert weights[1] == pytest.approx(weights[0] / 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(("discount", "factor"), [(0.0, 1.0), (2.0, 0.25)])
+def test_how_much_less_can_be_chosen(file: Path, discount: float, factor: float) -> None:
+    once, twice = (Examples([file], make, (), seed=0) for make in (picture, doubled))
+    weights = [Pairs(examples, "noisy", seed=0, discount=discount)(0).weight for examples in (once, twice)]
+    assert weights[1] == pytest.approx(factor * weights[0], rel=1e-4)
+
+
+def test_kept_examples_of_another_data_set_are_not_taken(file: Path, tmp_path: Path) -> None:
+    for source in ("one", "other"):
+        Examples([file], picture, (), seed=0, kept=tmp_path, source=source)(0)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_images_that_are_not_square_keep_their_shape() -> None:
+    for seed in range(20):
+        draw = np.random.default_rng(seed)
+        changed = change_alike([torch.rand(6, 9), torch.rand(6, 9)], draw, augment=True, side=None)
+        assert [each.shape for each in changed] == [(6, 9), (6, 9)]
 
 
 def test_squares_are_cut_out_of_both_images_at_one_place(file: Path) -> None:

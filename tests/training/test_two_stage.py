@@ -54,6 +54,31 @@ def test_both_stages_lower_their_loss_and_weights_change() -> None:
     )
 
 
+def test_each_stage_makes_its_own_loss_small() -> None:
+    def first(output: torch.Tensor, _: torch.Tensor) -> torch.Tensor:
+        return output.mean() - output.mean().detach() + 1.0
+
+    def second(output: torch.Tensor, _: torch.Tensor) -> torch.Tensor:
+        return output.mean() - output.mean().detach() + 2.0
+
+    epochs = list(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(1, 1), losses=(first, second), **OPTIONS))
+    assert [epoch.loss for epoch in epochs] == [1.0, 2.0]
+
+
+def test_a_loss_that_diverges_ends_the_training_with_a_sentence() -> None:
+    with pytest.raises(ValueError, match="lower the learning rate"):
+        list(
+            train(
+                network(),
+                Noise(0.1),
+                stage="supervised",
+                loss=mean_squared_error,
+                epochs=3,
+                **{**OPTIONS, "learning_rate": 1e30},
+            )
+        )
+
+
 @pytest.mark.parametrize("done", [1, 3, 4, 5])
 def test_a_resumed_run_equals_an_uninterrupted_one(done: int) -> None:
     whole = list(two_stage(network(), Noise(0.1), Noise(0.01), epochs=(3, 3), **OPTIONS))

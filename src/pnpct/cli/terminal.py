@@ -9,8 +9,9 @@ Item = TypeVar("Item")
 
 
 def say(text: str) -> None:
-    """Write lines to stdout."""
+    """Write lines to stdout, at once: a log must have them even if the program is killed."""
     sys.stdout.write(text + "\n")
+    sys.stdout.flush()
 
 
 def complain(text: str) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import torch
 from torch import nn
@@ -11,13 +11,15 @@ from tyro.conf import Positional
 
 from pnpct.cli.artefact import check_output
 from pnpct.cli.devices import DeviceName, choose_device
+from pnpct.cli.parsing import option
+from pnpct.cli.seeds import check_seed
 from pnpct.cli.terminal import say, track
 from pnpct.cli.training_curves import training_curves
 from pnpct.cli.training_options import TrainingOptions
-from pnpct.cli.training_setup import joined_processes
+from pnpct.cli.training_setup import from_first, joined_processes
 from pnpct.denoisers import RDNCBAM, REDCNN, SIZES
 from pnpct.files import load_network, network_file, sha256_of
-from pnpct.files.checkpoint import save_network
+from pnpct.files.checkpoint import SUFFIX, save_network
 from pnpct.files.training_file import read_training, write_training
 from pnpct.training import Epoch
 
@@ -32,7 +34,7 @@ class Train(TrainingOptions):
     Args:
         data: Folder that `pnpct simulate dataset` has made; for the method single-scan, the scan, .h5.
         network: Where the trained network shall be, .safetensors.
-        size: Size of the paper's network, or red-cnn.
+        size: Size of the paper's network, or red-cnn; that of --begin-with is its own.
         begin_with: Network whose weights it begins with, by name or file; those of chance if none is given.
         epochs: Epochs of noise to noise, or of the only stage.
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
@@ -40,15 +42,17 @@ class Train(TrainingOptions):
         side: Rows and columns of squares that are cut out; whole images if it is not given.
         learning_rate: Of Adam, in the first epoch.
         decay: Factor of the learning rate after each epoch.
+        at_once: Pairs that go through the network together: quicker, but all their memory at once.
         bfloat16: Compute in bfloat16 where that is exact enough.
         seed: Of the weights and of all pairs.
+        licence: Under which the network may be used, to be noted beside it.
         tensorboard: Folder for TensorBoard, where it is installed.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
     data: Positional[Path]
     network: Positional[Path]
-    size: Literal["small", "medium", "original", "red-cnn"] = "small"
+    size: Annotated[Literal["small", "medium", "original", "red-cnn"] | None, option(default="small")] = None
     begin_with: str | None = None
     epochs: int = 40
     pairs_per_epoch: int = 64
@@ -56,26 +60,25 @@ class Train(TrainingOptions):
     side: int | None = None
     learning_rate: float = 1e-4
     decay: float = 0.99
+    at_once: Annotated[int | None, option(default="1 for whole images, else all of a batch")] = None
     bfloat16: bool = False
     seed: int = 0
+    licence: str | None = None
     tensorboard: Path | None = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
         """Train, or go on with training, and write the network."""
-        check_output(self.network, (".safetensors",))
         method, device = self.chosen_method(), choose_device(self.device)
+        kept = self._checked()
         with joined_processes(device) as rank, training_curves(self.tensorboard if rank == 0 else None) as draw:
             network = self._network().to(device)
             settings = {**self._settings(), **method.settings(), "data": method.digest(self.data)}
-            kept = self.network.with_suffix(".training")
-            state = read_training(kept, settings=settings) if kept.exists() else {}
+            state = from_first(lambda: read_training(kept, settings=settings) if kept.exists() else {})
             after, losses = (Epoch(**state["epoch"]), state["losses"]) if state else (None, [])
-            if after is not None:
-                network.load_state_dict(after.weights)
             shared: dict[str, Any] = {"seed": self.seed, "side": self.side, "bfloat16": self.bfloat16, "device": device}
             lesson = method.lesson(self.data, epochs=self.epochs, **shared)
-            epochs = lesson.epochs(network, after=after, **self._steps(device))
+            epochs = lesson.epochs(network, after=after, **self._steps())
             for epoch in track(epochs, total=lesson.total, of="Training"):
                 if rank > 0:
                     continue
@@ -89,30 +92,45 @@ class Train(TrainingOptions):
                     "manifest_sha256": settings["data"],
                     "seed": self.seed,
                     "metrics": {"losses": losses},
-                    "licence": "Apache-2.0",
+                    "licence": self.licence,
                     "command": list(command),
+                    "settings": settings,
                 }
                 save_network(self.network, network.cpu(), about=about)
-                say(f"Wrote {self.network}: a network of the size {self.size} after {lesson.total} epochs.")
+                say(f"Wrote {self.network}: a network after {lesson.total} epochs.")
+
+    def _checked(self) -> Path:
+        """Check what can be checked before the work; return where the state of training is kept."""
+        check_seed(self.seed)
+        if self.size is not None and self.begin_with is not None:
+            raise ValueError("--size has no effect beside --begin-with, whose network has its size; leave out one.")
+        if self.network.suffix != SUFFIX:
+            raise ValueError(f"{self.network}: the name of a network must end in {SUFFIX}.")
+        begun_with = [network_file(name) for name in (self.begin_with, self.loop_denoiser) if name is not None]
+        check_output(self.network, (SUFFIX,), inputs=[self.data, *begun_with])
+        kept = self.network.with_suffix(".training")
+        if kept.is_dir():
+            raise IsADirectoryError(f"{kept} is a folder, but the state of training is to be kept there.")
+        return kept
 
     def _network(self) -> nn.Module:
         if self.begin_with is not None:
             network = load_network(network_file(self.begin_with))
         else:
             torch.manual_seed(self.seed)
-            network = REDCNN() if self.size == "red-cnn" else RDNCBAM(SIZES[self.size])
+            network = REDCNN() if self.size == "red-cnn" else RDNCBAM(SIZES[self.size or "small"])
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # quicker on processors
         return network
 
     def _settings(self) -> dict[str, Any]:
         """All that the weights depend on, besides the options of the method and its data."""
-        names = ["method", "size", "epochs", "pairs_per_epoch", "batch", "side"]
-        names += ["learning_rate", "decay", "bfloat16", "seed"]
+        names = ["method", "epochs", "pairs_per_epoch", "batch", "side", "learning_rate", "decay", "bfloat16", "seed"]
         begin_with = self.begin_with and sha256_of(network_file(self.begin_with))
-        return {**{name: getattr(self, name) for name in names}, "begin_with": begin_with}
+        size = None if begin_with else self.size or "small"
+        return {**{name: getattr(self, name) for name in names}, "size": size, "begin_with": begin_with}
 
-    def _steps(self, device: torch.device) -> dict[str, Any]:
+    def _steps(self) -> dict[str, Any]:
         names = ("pairs_per_epoch", "batch", "learning_rate", "decay", "bfloat16")
-        # Squares are small; whole images fill the memory of a processor one by one.
-        at_once = 1 if self.side is None and device.type == "cpu" else self.batch
+        # Squares are small; whole images fill the memory one by one.
+        at_once = (1 if self.side is None else self.batch) if self.at_once is None else self.at_once
         return {**{name: getattr(self, name) for name in names}, "at_once": at_once}

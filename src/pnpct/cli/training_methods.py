@@ -15,7 +15,17 @@ from pnpct.cli.terminal import working
 from pnpct.cli.training_images import view_subset_images
 from pnpct.cli.training_setup import examples_of, validate
 from pnpct.files import MANIFEST, network_file, read_scan, sha256_of
-from pnpct.training import Epoch, Pairs, SplitViewPairs, mean_squared_error, train, two_stage
+from pnpct.training import (
+    Epoch,
+    Form,
+    Pairs,
+    SplitViewPairs,
+    mean_squared_error,
+    stage_one_loss,
+    stage_two_loss,
+    train,
+    two_stage,
+)
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,7 @@ class Supervised:
     kept: Path | None = None
     lowest_ma: float = 20.0
     highest_ma: float = 200.0
+    discount: float = Pairs.discount
 
     def settings(self) -> dict[str, Any]:
         """Return all options that the weights depend on."""
@@ -74,7 +85,8 @@ class Supervised:
             kept=self.kept,
         )
         validation = examples(split="validation")
-        pairs = partial(Pairs, examples(split="train"), distinct=self.examples, side=side)
+        drawn = examples(split="train")
+        pairs = partial(Pairs, drawn, distinct=self.examples, side=side, discount=self.discount)
         taught, total = self._taught(pairs, epochs, seed)
         return Lesson(taught, total, partial(validate, examples=validation))
 
@@ -90,6 +102,7 @@ class TwoStage(Supervised):
     """Learn as the paper does, first from pairs of noisy images of the data set."""
 
     fine_tuning_epochs: int = 20
+    losses: Form = "corrected"
 
     @override
     def _taught(
@@ -97,7 +110,8 @@ class TwoStage(Supervised):
     ) -> tuple[Callable[..., Iterator[Epoch]], int]:
         noisy, dosed = pairs(kind="noisy", seed=seed), pairs(kind="dose", seed=seed + 1)
         both = epochs, self.fine_tuning_epochs
-        return partial(two_stage, noisy=noisy, dosed=dosed, epochs=both), sum(both)
+        losses = stage_one_loss, partial(stage_two_loss, form=self.losses)
+        return partial(two_stage, noisy=noisy, dosed=dosed, epochs=both, losses=losses), sum(both)
 
 
 @dataclass(frozen=True)

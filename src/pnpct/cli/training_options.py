@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pnpct.cli.methods import check_effect
 from pnpct.cli.parsing import option
 from pnpct.cli.training_methods import METHODS, SingleScan, Supervised, TwoStage
+from pnpct.training import Form
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,10 +22,12 @@ class TrainingOptions:
             variation of random strength if none is given.
         loop_iterations: Most iterations of that loop.
         fine_tuning_epochs: Epochs of the second stage, for two-stage.
+        losses: Loss of the second stage: corrected, or as the paper prints it, which cannot reach its goal.
         examples: Slices that are scanned and reconstructed, before they come again with other changes.
         kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
+        discount: Power of the noise by which noisy pairs count less: 0 counts all alike, 2 much less.
     """
 
     method: Literal["two-stage", "supervised", "single-scan"] = "two-stage"
@@ -32,10 +35,12 @@ class TrainingOptions:
     loop_denoiser: str | None = None
     loop_iterations: Annotated[int | None, option(default=TwoStage.loop_iterations)] = None
     fine_tuning_epochs: Annotated[int | None, option(default=TwoStage.fine_tuning_epochs)] = None
+    losses: Annotated[Form | None, option(default=TwoStage.losses)] = None
     examples: Annotated[int | None, option(default=TwoStage.examples)] = None
     kept: Path | None = None
     lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
+    discount: Annotated[float | None, option(default=TwoStage.discount)] = None
 
     def chosen_method(self) -> TwoStage | Supervised | SingleScan:
         """Return the method with the options that were given.

@@ -5,16 +5,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import torch
 from torch import distributed, nn
 
 from pnpct.cli.training_images import LoopImage, fbp_image
 from pnpct.denoisers import as_denoiser
-from pnpct.files import Split, load_network, network_file, read_manifest, sha256_of
+from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
 from pnpct.training import Examples
 from pnpct.units import to_hu
+
+State = TypeVar("State")
 
 VALIDATION_PAIRS = 8
 """Pairs that the progress of training is judged by; always the same."""
@@ -54,8 +56,9 @@ def examples_of(
     if loop_denoiser is not None:
         path = network_file(loop_denoiser)
         network = load_network(path).to(device)
-        loop = LoopImage(as_denoiser(network, bfloat16=bfloat16), sha256_of(path), loop_iterations)
-    return Examples(files, fbp_image, (loop,), **options)
+        name = f"{sha256_of(path)}{' in bfloat16' if bfloat16 else ''}"
+        loop = LoopImage(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations)
+    return Examples(files, fbp_image, (loop,), source=sha256_of(dataset / MANIFEST), **options)
 
 
 def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
@@ -87,3 +90,12 @@ def joined_processes(device: torch.device) -> Iterator[int]:
         yield distributed.get_rank()
     finally:
         distributed.destroy_process_group()
+
+
+def from_first(read: Callable[[], State]) -> State:
+    """Read something in the first process, and return it in all: the others may not see the file, or an older one."""
+    if not distributed.is_initialized():
+        return read()
+    found = [read() if distributed.get_rank() == 0 else None]
+    distributed.broadcast_object_list(found)
+    return cast("State", found[0])

@@ -29,13 +29,13 @@ class Augmentation:
     scale: float
 
     @staticmethod
-    def drawn(draw: np.random.Generator) -> "Augmentation":
-        """Draw one: shifts up to 32 pixels, scales from 0.95 to 1.05."""
+    def drawn(draw: np.random.Generator, *, square: bool = True) -> "Augmentation":
+        """Draw one: shifts up to 32 pixels, scales from 0.95 to 1.05; images that are not square make half turns."""
         left_right, front_back = (bool(draw.integers(2)) for _ in range(2))
         rows, cols = draw.integers(-32, 33, 2).tolist()
-        return Augmentation(
-            left_right, front_back, int(draw.integers(4)), (rows, cols), float(draw.uniform(0.95, 1.05))
-        )
+        turns = int(draw.integers(4))
+        turns -= 0 if square else turns % 2
+        return Augmentation(left_right, front_back, turns, (rows, cols), float(draw.uniform(0.95, 1.05)))
 
     def __call__(self, image: Image) -> Float[Tensor, "*batch new_rows new_cols"]:
         """Change an image."""
@@ -60,7 +60,8 @@ def change_alike(
     """
     changed = [*images]
     if augment:
-        change = Augmentation.drawn(draw)
+        rows, cols = images[0].shape[-2:]
+        change = Augmentation.drawn(draw, square=rows == cols)
         changed = [change(image) for image in changed]
     return changed if side is None else cut(changed, side, draw)
 

@@ -54,6 +54,7 @@ class Examples:
         seed: Of everything that is drawn.
         tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
         kept: Folder that examples are kept in, since making one takes longer than learning from it; None keeps none.
+        source: What the files are, such as the SHA-256 of their manifest; it tells kept examples of data sets apart.
 
     Raises:
         ValueError: If there are no files, or the currents are not positive and rising.
@@ -65,6 +66,7 @@ class Examples:
     seed: int
     tube_currents_ma: tuple[float, float] = (20.0, 200.0)
     kept: Path | None = None
+    source: str = ""
 
     def __post_init__(self) -> None:
         low, high = self.tube_currents_ma
@@ -99,7 +101,7 @@ class Examples:
         names = [f"{path.parent.name}/{path.name}" for path in self.files]
         makes = (self.make, *self.others)
         ways = [repr(make) if is_dataclass(make) else getattr(make, "__qualname__", "") for make in makes]
-        depends = repr((names, ways, self.seed, self.tube_currents_ma))
+        depends = repr((self.source, names, ways, self.seed, self.tube_currents_ma, REFERENCE_MA))
         return hashlib.sha256(depends.encode()).hexdigest()[:12]
 
     def _drawn(self, number: int) -> Example:

@@ -10,8 +10,8 @@ from pnpct.arrays import Image
 from pnpct.training.augmentation import change_alike
 from pnpct.training.examples import Example
 
-_NOISE = 0.03
-"""Noise, relative to water, of pairs whose loss counts as it is: 30 HU."""
+_DIFFERENCE = 0.03
+"""RMS difference of two low-dose images, relative to water, of pairs whose loss counts as it is: 30 HU."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class Pairs:
     """Pairs by number: the same number is the same pair, whoever asks, in whatever order.
 
     The input is made in any of the ways of the example. The target is always FBP: its noise has a mean of zero, and
-    it keeps what ADMM may have lost on its way. A pair counts in inverse proportion to the noise of its FBP images, or
-    the lowest doses would drown what the others teach.
+    it keeps what ADMM may have lost on its way. A pair counts the less, the noisier its FBP images are, or the lowest
+    doses would drown what the others teach.
 
     Args:
         examples: Examples by number, as `Examples` is.
@@ -46,6 +46,8 @@ class Pairs:
             repeats one.
         augment: Whether pairs are mirrored, turned, moved and scaled at random.
         side: Rows and columns of a square that is cut out at random; None takes whole images.
+        discount: Power of the noise that the weight of a pair is divided by: 0 counts all alike, 2 makes their
+            squared errors alike.
     """
 
     examples: Callable[[int], Example]
@@ -54,6 +56,7 @@ class Pairs:
     distinct: int | None = None
     augment: bool = True
     side: int | None = None
+    discount: float = 1.0
 
     def __call__(self, number: int) -> Pair:
         """Draw the pair of a number, from 0 on."""
@@ -64,6 +67,7 @@ class Pairs:
             first = 0
         noisy = fbp[first] if way == 0 else example.others[way - 1]
         target = fbp[1 - first] if self.kind == "noisy" else example.high
-        weight = _NOISE / max(float((fbp[0] - fbp[1]).square().mean()), 1e-9) ** 0.5
+        difference = max(float((fbp[0] - fbp[1]).square().mean()), 1e-9) ** 0.5
+        weight = (_DIFFERENCE / difference) ** self.discount
         noisy, target = change_alike([noisy, target], draw, augment=self.augment, side=self.side)
         return Pair(noisy, target, weight)

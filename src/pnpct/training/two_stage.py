@@ -49,6 +49,7 @@ def two_stage(
     dosed: NumberedPairs,
     *,
     epochs: tuple[int, int],
+    losses: tuple[LossTerm, LossTerm] = (stage_one_loss, stage_two_loss),
     after: Epoch | None = None,
     **options: Any,
 ) -> Iterator[Epoch]:
@@ -59,6 +60,7 @@ def two_stage(
         noisy: Low-dose pairs with independent noise.
         dosed: Pairs of low and high dose.
         epochs: Epochs of the first and of the second stage.
+        losses: What is made small in the first and in the second stage.
         after: Epoch to continue from; None begins.
         **options: As for `train`.
 
@@ -68,11 +70,9 @@ def two_stage(
     if min(epochs) < 1:  # before the first stage, not after its hours
         raise ValueError(f"Both stages need at least one epoch, got {epochs[0]} and {epochs[1]}.")
     if after is None or after.stage == "noise-to-noise":
-        yield from train(
-            D, noisy, stage="noise-to-noise", loss=stage_one_loss, epochs=epochs[0], after=after, **options
-        )
+        yield from train(D, noisy, stage="noise-to-noise", loss=losses[0], epochs=epochs[0], after=after, **options)
         after = None
-    yield from train(D, dosed, stage="fine-tuning", loss=stage_two_loss, epochs=epochs[1], after=after, **options)
+    yield from train(D, dosed, stage="fine-tuning", loss=losses[1], epochs=epochs[1], after=after, **options)
 
 
 def train(
@@ -109,7 +109,7 @@ def train(
         after: Epoch to continue from.
 
     Raises:
-        ValueError: If a number is out of its range, or the epoch is of another stage.
+        ValueError: If a number is out of its range, the epoch is of another stage, or the loss diverges.
     """
     rank, world = (distributed.get_rank(), distributed.get_world_size()) if distributed.is_initialized() else (0, 1)
     if min(epochs, pairs_per_epoch, batch, at_once) < 1 or pairs_per_epoch % batch or batch % world:
@@ -127,7 +127,7 @@ def train(
     D.train()
     for number in range(after.number if after else 0, epochs):
         optimizer.param_groups[0]["lr"] = learning_rate * decay**number
-        total = torch.zeros((), dtype=torch.float64)
+        total = torch.zeros((), dtype=torch.float64, device=device)
         for first in range(number * pairs_per_epoch, (number + 1) * pairs_per_epoch, batch):
             optimizer.zero_grad()
             mine = range(first + rank, first + batch, world)
@@ -138,13 +138,15 @@ def train(
                 pairwise = zip(drawn, outputs, strict=True)
                 losses = [pair.weight * loss(output, pair.target.to(device)) for pair, output in pairwise]
                 (torch.stack(losses).sum() / batch).backward()
-                total += sum(each.detach().double().cpu() for each in losses)
+                total += sum(each.detach().double() for each in losses)
             if world > 1:
                 for parameter in D.parameters():
                     distributed.all_reduce(parameter.grad)
             optimizer.step()
         if world > 1:
             distributed.all_reduce(total)
+        if not total.isfinite():
+            raise ValueError(f"The loss is no number in epoch {number + 1} of {stage}; lower the learning rate.")
         weights = {name: value.detach().cpu().clone() for name, value in D.state_dict().items()}
         state = copy.deepcopy(optimizer.state_dict())
         yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, state)
