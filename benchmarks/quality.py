@@ -4,69 +4,40 @@
         [--n2n n2n] [--supervised supervised] [--red-cnn RED-CNN.safetensors]
 
 Prints for every case and dose, in HU: RMSE in soft tissue and in the body, bias in uniform soft tissue, the share of
-a lesion of 12 mm and -40 HU that is kept (difference of two scans with the same noise), and the time of one slice.
-FBP has the kernel, the blur its width and total variation its strength with the least RMSE in soft tissue of this
-very scan: an oracle that the learned methods do not have. Then, for plug-and-play, the RMSE of 20 iterations over
-that of the best. Images and their pictures go to the folder, which also keeps the exposures of the cases.
+a lesion of 12 mm and -40 HU that is kept (difference of two scans with the same noise), and for plug-and-play the RMSE
+of the last iteration over that of the best, in soft tissue and in the body; last the mean over the cases. FBP has the
+kernel, the blur its width and total variation its strength with the least RMSE in soft tissue of this very scan: an
+oracle that the learned methods do not have. The folder gets the exposures of the cases, the images as .h5 and .png,
+and the rows as .json, which are not measured again; empty it for another network.
 """
 
 import argparse
+import json
 import sys
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from pnpct.arrays import Image
-from pnpct.denoisers import Denoise, Gaussian, as_denoiser
+from pnpct.comparison.candidates import blurred, denoised, filtered, plug_and_play, total_variation
+from pnpct.denoisers import Denoise, as_denoiser
 from pnpct.evaluation import bias_hu, body_mask, rmse_hu, soft_tissue_mask
 from pnpct.files import load_network, network_file, record_run, write_image
 from pnpct.operators import Projector
-from pnpct.physics import Exposure, Sinogram, take_log
-from pnpct.reconstruction import ADMMState, fbp, pnp_admm, tv_pwls, until
+from pnpct.physics import Exposure, Scan, Sinogram, take_log
 from pnpct.units import to_hu
 from quality_cases import CONTRAST_HU, QualityCase, cases
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
-STRENGTHS = (0.05, 0.08, 0.12, 0.18)
-ITERATIONS = 20
+STRENGTHS_HU = (30.0, 50.0, 80.0, 120.0, 180.0)
 
 Method = Callable[[Sinogram, Projector], Image]
-
-
-def start(sinogram: Sinogram, A: Projector) -> ADMMState:
-    return ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-
-
-def total_variation(strength: float) -> Method:
-    def make(sinogram: Sinogram, A: Projector) -> Image:
-        first = start(sinogram, A)
-        *_, last = until(tv_pwls(sinogram, A, first, strength=strength), first, iterations=ITERATIONS)
-        return last.v
-
-    return make
-
-
-def plug_and_play(denoise: Denoise, watch: Callable[[Image], None] = lambda _: None) -> Method:
-    def make(sinogram: Sinogram, A: Projector) -> Image:
-        states = pnp_admm(sinogram, A, denoise, start(sinogram, A))
-        for _ in range(ITERATIONS):
-            state = next(states)
-            watch(state.v)
-        return state.v
-
-    return make
-
-
-def sharp(sinogram: Sinogram, A: Projector) -> Image:
-    return fbp(sinogram.line_integrals, A, kernel="ram-lak")
-
-
-def blurred(width: float) -> Method:
-    blur = Gaussian(width)
-    return lambda sinogram, A: blur(sharp(sinogram, A))
+Row = dict[str, Any]
+Rows = dict[str, Row]
 
 
 class Judge:
@@ -81,55 +52,89 @@ class Judge:
         self.A = Projector(case.plain.grid, scans[0].geometry, mu_water=scans[0].mu_water)
         self.sinograms = [take_log(scan) for scan in scans]
 
-    def scan(self, exposure: Exposure):
+    def scan(self, exposure: Exposure) -> Scan:
         return exposure.scan(tube_current_ma=self.dose, generator=torch.Generator().manual_seed(int(self.dose)))
 
-    def rmse(self, image: Image) -> float:
-        return rmse_hu(image, self.truth, mask=self.soft)
+    def errors(self, image: Image) -> tuple[float, float]:
+        return rmse_hu(image, self.truth, mask=self.soft), rmse_hu(image, self.truth, mask=self.body)
 
-    def best(self, name: str, choices: dict[str, Method]) -> None:
-        """Write the row of the choice with the least RMSE."""
+    def best(self, name: str, choices: dict[str, Method]) -> Row:
+        """Judge the choice with the least RMSE in soft tissue."""
         images = {choice: method(self.sinograms[0], self.A) for choice, method in choices.items()}
-        choice = min(images, key=lambda choice: self.rmse(images[choice]))
-        self.row(name, choices[choice], choice, image=images[choice])
+        choice = min(images, key=lambda choice: self.errors(images[choice])[0])
+        return {**self.row(name, choices[choice], images[choice]), "note": choice}
 
-    def row(self, name: str, method: Method, note: str = "", image: Image | None = None) -> None:
-        began = time.perf_counter()
+    def loop(self, name: str, denoise: Denoise) -> Row:
+        """Judge plug-and-play, and how much its last iteration is worse than its best."""
+        errors: list[tuple[float, float]] = []
+
+        def watched(image: Image) -> Image:
+            denoised = denoise(image)
+            errors.append(self.errors(denoised))
+            return denoised
+
+        image = in_loop(watched)(self.sinograms[0], self.A)
+        shares = [of_mask[-1] / min(of_mask) for of_mask in zip(*errors, strict=True)]
+        note = "iteration {} has {:.3f} and {:.3f} of the least errors".format(len(errors), *shares)
+        return {**self.row(name, in_loop(denoise), image), "note": note}
+
+    def row(self, name: str, method: Method, image: Image | None = None) -> Row:
         image = method(self.sinograms[0], self.A) if image is None else image
-        seconds = time.perf_counter() - began
-        kept = "-"
+        kept = None
         if len(self.sinograms) == 2:
             change = to_hu(method(self.sinograms[1], self.A)) - to_hu(image)
-            kept = f"{100 * float(change[self.case.core].mean()) / CONTRAST_HU:.0f} %"
-        bias = bias_hu(image, self.truth, mask=self.case.uniform)
-        body = rmse_hu(image, self.truth, mask=self.body)
-        print(
-            f"| {self.case.name} | {self.dose:g} | {name} | {self.rmse(image):.1f} | {body:.1f} | {bias:+.1f} | {kept} "
-            f"| {seconds:.1f} | {note} |",
-            flush=True,
-        )
+            kept = 100 * float(change[self.case.core].mean()) / CONTRAST_HU
         path = self.folder / f"{self.case.name}-{self.dose:g}mA-{name.replace(' ', '-')}"
         for suffix in (".png", ".h5"):
             write_image(f"{path}{suffix}", image, self.case.plain.grid, provenance=record_run(sys.argv))
+        soft, body = self.errors(image)
+        bias = bias_hu(image, self.truth, mask=self.case.uniform)
+        return {"soft tissue": soft, "body": body, "bias": bias, "lesion kept": kept, "note": ""}
 
 
-def judge(case: QualityCase, dose: float, folder: Path, networks: dict[str, Denoise], *, classical: bool) -> None:
+def in_loop(denoise: Denoise) -> Method:
+    return plug_and_play("", "", denoise, {}).make
+
+
+def judge(case: QualityCase, dose: float, folder: Path, networks: dict[str, Denoise], *, classical: bool) -> Rows:
+    """Return the rows of one case at one dose, and keep them in the folder."""
+    file = folder / f"{case.name}-{dose:g}mA.json"
+    rows: Rows = json.loads(file.read_text()) if file.exists() else {}
     judged = Judge(case, dose, folder)
+    work: dict[str, Callable[[str], Row]] = {}
     if classical:
-        kernels = {kernel: (lambda y, A, kernel=kernel: fbp(y.line_integrals, A, kernel=kernel)) for kernel in KERNELS}
-        judged.best("FBP", kernels)
-        judged.best("blurred FBP", {f"{width:g} pixels": blurred(width) for width in WIDTHS})
-        judged.best("TV-PWLS", {f"strength {1000 * each:g}": total_variation(each) for each in STRENGTHS})
+        work["FBP"] = partial(judged.best, choices={kernel: filtered(kernel).make for kernel in KERNELS})
+        blurs = {f"{width:g} pixels": blurred(width).make for width in WIDTHS}
+        work["blurred FBP"] = partial(judged.best, choices=blurs)
+        strengths = {f"{strength:g} HU pixels": total_variation(strength).make for strength in STRENGTHS_HU}
+        work["TV-PWLS"] = partial(judged.best, choices=strengths)
     for name, denoise in networks.items():
-        judged.row(name, lambda y, A, denoise=denoise: denoise(sharp(y, A)))
-    for name, denoise in networks.items():
-        if name == "RED-CNN":
-            continue
-        errors: list[float] = []
-        judged.row(f"PnP {name}", plug_and_play(denoise, lambda image, to=errors: to.append(judged.rmse(image))))
-        best = min(errors[:ITERATIONS])
-        share = errors[ITERATIONS - 1] / best
-        print(f"    PnP {name}: {ITERATIONS} iterations {share:.3f} of the best, {1 + errors.index(best)}", flush=True)
+        work[name] = partial(judged.row, method=denoised(name, name, denoise, {}).make)
+        if name != "RED-CNN":
+            work[f"PnP {name}"] = partial(judged.loop, denoise=denoise)
+    for name, measure in work.items():
+        if name not in rows:
+            rows[name] = measure(name)
+            file.write_text(json.dumps(rows, indent=1))
+        say(case.name, dose, name, rows[name])
+    return rows
+
+
+def say(case: str, dose: float, name: str, row: Row) -> None:
+    numbers = [f"{row['soft tissue']:.1f}", f"{row['body']:.1f}", f"{row['bias']:+.1f}"]
+    kept = "-" if row["lesion kept"] is None else f"{row['lesion kept']:.0f} %"
+    print("| " + " | ".join([case, f"{dose:g}", name, *numbers, kept, row["note"]]) + " |", flush=True)
+
+
+def means(rows: list[Rows]) -> Rows:
+    """The mean of each method over the cases; of the lesion over those that have one."""
+    found: Rows = {}
+    for name in rows[0]:
+        found[name] = {"note": f"{len(rows)} cases"}
+        for column in ("soft tissue", "body", "bias", "lesion kept"):
+            numbers = [row[name][column] for row in rows if row[name][column] is not None]
+            found[name][column] = sum(numbers) / len(numbers) if numbers else None
+    return found
 
 
 def main() -> None:
@@ -144,12 +149,15 @@ def main() -> None:
     given = options.parse_args()
     files = {"RED-CNN": given.red_cnn, "supervised": given.supervised, "two-stage": given.n2n}
     networks = {name: as_denoiser(load_network(network_file(file))) for name, file in files.items() if file}
-    print(
-        "| case | mA | method | soft tissue | body | bias | lesion kept | s | |\n|---|---|---|---|---|---|---|---|---|"
-    )
+    print("| case | mA | method | soft tissue | body | bias | lesion kept | |\n|---|---|---|---|---|---|---|---|")
+    doses = [float(dose) for dose in given.doses.split(",")]
+    rows: dict[float, list[Rows]] = {dose: [] for dose in doses}
     for case in cases(given.folder, given.cases.split(",")):
-        for dose in map(float, given.doses.split(",")):
-            judge(case, dose, given.folder, networks, classical=not given.no_classical)
+        for dose in doses:
+            rows[dose].append(judge(case, dose, given.folder, networks, classical=not given.no_classical))
+    for dose, of_cases in rows.items():
+        for name, row in means(of_cases).items():
+            say("mean", dose, name, row)
 
 
 if __name__ == "__main__":

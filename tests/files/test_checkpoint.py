@@ -7,7 +7,15 @@ import torch
 from safetensors.torch import load_file, save
 
 from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize, as_denoiser
-from pnpct.files import FileFormatError, load_denoiser, load_network, network_names, save_network, sha256_of
+from pnpct.files import (
+    FileFormatError,
+    load_denoiser,
+    load_network,
+    network_file,
+    network_names,
+    save_network,
+    sha256_of,
+)
 from pnpct.files.checkpoint import ABOUT
 
 TINY = RDNSize(features=4, growth=2, blocks=1, convolutions=2, unshuffle=2)
@@ -225,3 +233,20 @@ def test_the_noise_level_goes_to_networks_that_are_told_it(path, tmp_path):
     save_network(told, RDNCBAM(TINY, noise_input=True), about=SAID)
     with pytest.raises(ValueError, match="is told the noise level"):
         load_denoiser(told)
+
+
+@pytest.mark.parametrize("name", ["n2n", "supervised"])
+def test_the_networks_that_come_with_the_package_remove_noise(name: str) -> None:
+    about = json.loads((network_file(name).parent / f"{name}.safetensors.json").read_text())["about"]
+    assert about["licence"] == "Apache-2.0"
+    assert about["manifest_sha256"]
+    distance = torch.hypot(*torch.meshgrid(*2 * [torch.arange(128) - 63.5], indexing="ij"))
+    truth = (distance < 50).float() + 0.1 * (distance < 20)
+    frequency = torch.hypot(*torch.meshgrid(*2 * [torch.fft.fftfreq(128)], indexing="ij"))
+    white = torch.randn(128, 128, generator=torch.Generator().manual_seed(1))
+    noise = torch.fft.ifft2(torch.fft.fft2(white) * frequency).real  # as FBP colours it
+    noisy = truth + 0.06 * noise / noise.std()
+    denoised = load_denoiser(name)(noisy)
+    inside = distance < 45
+    assert (denoised - truth)[inside].square().mean() < 0.25 * (noisy - truth)[inside].square().mean()
+    assert abs(float((denoised - truth)[inside].mean())) < 0.005
