@@ -68,6 +68,12 @@ def test_a_run_that_was_killed_goes_on_and_ends_as_if_it_had_not(
     assert killed.read_bytes() == whole.read_bytes()
 
 
+def test_a_network_can_be_told_the_noise_level(dataset: Path, tmp_path: Path, run) -> None:
+    path = tmp_path / "told.safetensors"
+    assert run("train", dataset, path, *TRAIN.split(), "--noise-input")[0] == 0
+    assert load_network(path).noise_input
+
+
 def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
     path = tmp_path / "tiny.safetensors"
     path.with_suffix(".training").write_bytes(b"nothing")
@@ -90,6 +96,8 @@ def test_the_paper_loss_is_another_one(dataset: Path, tmp_path: Path, run) -> No
     ("words", "names"),
     [
         ("--size small --begin-with n2n", "--size --begin-with"),
+        ("--noise-input --begin-with n2n", "--noise-input --begin-with"),
+        ("--noise-input --size red-cnn", "--noise-input red-cnn"),
         ("--seed -1", "seed"),
         ("--batch 3", "batches of 3"),
         ("--batch 2 --learning-rate 0", "learning rate"),

@@ -1,5 +1,6 @@
 import os
 import socket
+from dataclasses import replace
 
 import pytest
 import torch
@@ -63,6 +64,22 @@ def test_each_stage_makes_its_own_loss_small() -> None:
 
     epochs = list(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(1, 1), losses=(first, second), **OPTIONS))
     assert [epoch.loss for epoch in epochs] == [1.0, 2.0]
+
+
+def test_a_network_that_is_told_the_noise_level_learns_from_it() -> None:
+    class Told(Noise):
+        def __call__(self, number: int) -> Pair:
+            return replace(super().__call__(number), noise_level=0.1)
+
+    torch.manual_seed(1)
+    D = RDNCBAM(TINY, noise_input=True)
+    first, *_, last = train(D, Told(0.01), stage="supervised", loss=mean_squared_error, epochs=6, **OPTIONS)
+    assert last.loss < first.loss
+    image = Noise(0.1)(0).input[None]
+    with torch.no_grad():
+        assert not torch.equal(D(image, 0.1), D(image, 0.01))
+    with pytest.raises(ValueError, match="do not say"):
+        next(train(D, Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=1, **OPTIONS))
 
 
 def test_a_loss_that_diverges_ends_the_training_with_a_sentence() -> None:

@@ -35,6 +35,7 @@ class Train(TrainingOptions):
         data: Folder that `pnpct simulate dataset` has made; for the method single-scan, the scan, .h5.
         network: Where the trained network shall be, .safetensors.
         size: Size of the paper's network, or red-cnn; that of --begin-with is its own.
+        noise_input: Make a network that is told the noise level, HU of an FBP image with the sharpest kernel.
         begin_with: Network whose weights it begins with, by name or file; those of chance if none is given.
         epochs: Epochs of noise to noise, or of the only stage.
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
@@ -53,6 +54,7 @@ class Train(TrainingOptions):
     data: Positional[Path]
     network: Positional[Path]
     size: Annotated[Literal["small", "medium", "original", "red-cnn"] | None, option(default="small")] = None
+    noise_input: bool = False
     begin_with: str | None = None
     epochs: int = 40
     pairs_per_epoch: int = 64
@@ -102,8 +104,11 @@ class Train(TrainingOptions):
     def _checked(self) -> Path:
         """Check what can be checked before the work; return where the state of training is kept."""
         check_seed(self.seed)
-        if self.size is not None and self.begin_with is not None:
-            raise ValueError("--size has no effect beside --begin-with, whose network has its size; leave out one.")
+        if self.begin_with is not None and (self.size is not None or self.noise_input):
+            option = "--noise-input" if self.noise_input else "--size"
+            raise ValueError(f"{option} has no effect beside --begin-with, whose network is as it is; leave out one.")
+        if self.noise_input and self.size == "red-cnn":
+            raise ValueError("--noise-input has no effect on red-cnn, which has no such input; leave it out.")
         if self.network.suffix != SUFFIX:
             raise ValueError(f"{self.network}: the name of a network must end in {SUFFIX}.")
         begun_with = [network_file(name) for name in (self.begin_with, self.loop_denoiser) if name is not None]
@@ -118,7 +123,8 @@ class Train(TrainingOptions):
             network = load_network(network_file(self.begin_with))
         else:
             torch.manual_seed(self.seed)
-            network = REDCNN() if self.size == "red-cnn" else RDNCBAM(SIZES[self.size or "small"])
+            size = self.size or "small"
+            network = REDCNN() if size == "red-cnn" else RDNCBAM(SIZES[size], noise_input=self.noise_input)
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # quicker on processors
         return network
 
@@ -127,7 +133,8 @@ class Train(TrainingOptions):
         names = ["method", "epochs", "pairs_per_epoch", "batch", "side", "learning_rate", "decay", "bfloat16", "seed"]
         begin_with = self.begin_with and sha256_of(network_file(self.begin_with))
         size = None if begin_with else self.size or "small"
-        return {**{name: getattr(self, name) for name in names}, "size": size, "begin_with": begin_with}
+        network = {"size": size, "noise_input": self.noise_input, "begin_with": begin_with}
+        return {**{name: getattr(self, name) for name in names}, **network}
 
     def _steps(self) -> dict[str, Any]:
         names = ("pairs_per_epoch", "batch", "learning_rate", "decay", "bfloat16")

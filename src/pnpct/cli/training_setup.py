@@ -12,6 +12,7 @@ from torch import distributed, nn
 
 from pnpct.cli.training_images import LoopImage, fbp_image
 from pnpct.denoisers import as_denoiser
+from pnpct.denoisers.noise_level import is_told_noise_level
 from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
 from pnpct.training import Examples
 from pnpct.units import to_hu
@@ -72,7 +73,8 @@ def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
         for number in range(VALIDATION_PAIRS):
             example = examples(number)
             for name, image in zip(errors, (example.low[0], *example.others), strict=True):
-                output = D(image[None].to(device))[0].float().cpu()
+                level = [torch.tensor(example.noise_level, device=device)] if is_told_noise_level(D) else []
+                output = D(image[None].to(device), *level)[0].float().cpu()
                 errors[name].append(float((to_hu(output) - to_hu(example.high)).square().mean()))
     return {name: median(squares) ** 0.5 for name, squares in errors.items()}
 

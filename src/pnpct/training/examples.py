@@ -40,6 +40,11 @@ class Example:
     others: Float[Tensor, "ways rows cols"]
     high: Image
 
+    @property
+    def noise_level(self) -> float:
+        """Standard deviation of the noise of the low-dose FBP images, over the whole image, relative to water."""
+        return math.sqrt(float((self.low[0] - self.low[1]).square().mean()) / 2)
+
 
 @dataclass(frozen=True, eq=False)
 class Examples:

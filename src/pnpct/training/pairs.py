@@ -10,8 +10,8 @@ from pnpct.arrays import Image
 from pnpct.training.augmentation import change_alike
 from pnpct.training.examples import Example
 
-_DIFFERENCE = 0.03
-"""RMS difference of two low-dose images, relative to water, of pairs whose loss counts as it is: 30 HU."""
+_NOISE = 0.03 / 2**0.5
+"""Noise of FBP images, relative to water, of pairs whose loss counts as it is: two scans then differ by 30 HU."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +22,14 @@ class Pair:
         input: Noisy image, relative to water.
         target: Image of the same slice, with independent noise.
         weight: How much the pair counts.
+        noise_level: Standard deviation of the noise of an FBP image of that dose, relative to water, for networks that
+            are told it; None where it is not known.
     """
 
     input: Image
     target: Image
     weight: float = 1.0
+    noise_level: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,6 @@ class Pairs:
             first = 0
         noisy = fbp[first] if way == 0 else example.others[way - 1]
         target = fbp[1 - first] if self.kind == "noisy" else example.high
-        difference = max(float((fbp[0] - fbp[1]).square().mean()), 1e-9) ** 0.5
-        weight = (_DIFFERENCE / difference) ** self.discount
+        weight = (_NOISE / max(example.noise_level, 1e-5)) ** self.discount
         noisy, target = change_alike([noisy, target], draw, augment=self.augment, side=self.side)
-        return Pair(noisy, target, weight)
+        return Pair(noisy, target, weight, noise_level=example.noise_level)

@@ -8,13 +8,14 @@ D is the network, and v are images. Both stages use Adam, whose learning rate fa
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import torch
 from torch import distributed, nn
 
+from pnpct.denoisers.noise_level import is_told_noise_level
 from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
 from pnpct.training.pairs import Pair
 
@@ -109,7 +110,8 @@ def train(
         after: Epoch to continue from.
 
     Raises:
-        ValueError: If a number is out of its range, the epoch is of another stage, or the loss diverges.
+        ValueError: If a number is out of its range, the epoch is of another stage, the loss diverges, or the network
+            is told the noise level and a pair does not say it.
     """
     rank, world = (distributed.get_rank(), distributed.get_world_size()) if distributed.is_initialized() else (0, 1)
     if min(epochs, pairs_per_epoch, batch, at_once) < 1 or pairs_per_epoch % batch or batch % world:
@@ -134,7 +136,7 @@ def train(
             for part in range(0, len(mine), at_once):
                 drawn = [pairs(each) for each in mine[part : part + at_once]]
                 with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
-                    outputs = D(torch.stack([pair.input for pair in drawn]).to(device)).float()
+                    outputs = D(*_inputs(D, drawn, device)).float()
                 pairwise = zip(drawn, outputs, strict=True)
                 losses = [pair.weight * loss(output, pair.target.to(device)) for pair, output in pairwise]
                 (torch.stack(losses).sum() / batch).backward()
@@ -150,3 +152,14 @@ def train(
         weights = {name: value.detach().cpu().clone() for name, value in D.state_dict().items()}
         state = copy.deepcopy(optimizer.state_dict())
         yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, state)
+
+
+def _inputs(D: nn.Module, drawn: Sequence[Pair], device: torch.device) -> list[torch.Tensor]:
+    """What the network is given: images, and their noise levels if it is told them."""
+    images = torch.stack([pair.input for pair in drawn]).to(device)
+    if not is_told_noise_level(D):
+        return [images]
+    levels = [pair.noise_level for pair in drawn if pair.noise_level is not None]
+    if len(levels) < len(drawn):
+        raise ValueError("This network is told the noise level, which these pairs do not say; train one without it.")
+    return [images, torch.tensor(levels, device=device)[:, None, None]]
