@@ -20,7 +20,7 @@ export OMP_WAIT_POLICY ?= PASSIVE
 
 setup: $(READY)  ## Make the virtual environment.
 
-demo: $(READY)  ## Simulate a low-dose slice, reconstruct it twice, write numbers and a picture.
+demo: $(READY)  ## Simulate a low-dose slice, reconstruct it in several ways, write numbers and a picture.
 	PATH="$(abspath $(BIN)):$$PATH" bash runs/demo.sh demo
 
 test: $(READY)  ## Run the tests, README and docs included.
