@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Train the networks that come with the package: about two hours on two cores.
+# Train the networks that come with the package: about four hours on two cores.
 # Usage: runs/weights.sh FOLDER; it goes on where an interrupted run ended.
 #
 # FOLDER holds two patients besides those that are made up: neck.npz, the 80 slices of the series TCGA-E3-A3E5 (TCIA
@@ -11,23 +11,29 @@ export OMP_NUM_THREADS=1  # two trainings side by side are quicker than two thre
 
 pnpct simulate dataset scans --cases 40 --stations 5 --rows 1 --noise-hu 15 --seed 1 --body neck.npz slab.zip
 
-common=(--kept images --bfloat16 --side 128 --batch 8 --pairs-per-epoch 512)
+# Both networks of a round, side by side: its name, the round before, epochs of noise to noise and of dose pairs, options.
+train() {
+  local round=$1 before=$2 noisy=$3 dosed=$4
+  local options=(--kept images --bfloat16 --side 128 --batch 8 --pairs-per-epoch 512 --licence Apache-2.0 "${@:5}")
+  pnpct train scans "$round.safetensors" "${options[@]}" ${before:+--begin-with "$before.safetensors"} \
+    --epochs "$noisy" --fine-tuning-epochs "$dosed" >> "$round.log" &
+  pnpct train scans "$round-supervised.safetensors" "${options[@]}" \
+    ${before:+--begin-with "$before-supervised.safetensors"} \
+    --method supervised --epochs $((noisy + dosed)) >> "$round-supervised.log"
+  wait $!
+}
 
-# The first networks learn what the loop of ADMM looks like around total variation ...
-first=("${common[@]}" --seed 1 --examples 200 --decay 0.88 --learning-rate 2e-3)
-pnpct train scans first.safetensors "${first[@]}" --epochs 14 --fine-tuning-epochs 8 > first.log &
-pnpct train scans first-supervised.safetensors "${first[@]}" --method supervised --epochs 22 > first-supervised.log
-wait $!
-
-# ... the second go on with what it looks like around the first, and the last do so in smaller steps.
-further=("${common[@]}" --seed 2 --examples 140 --loop-denoiser first.safetensors --loop-iterations 5)
-pnpct train scans second.safetensors "${further[@]}" --begin-with first.safetensors \
-  --epochs 6 --fine-tuning-epochs 16 --decay 0.85 --learning-rate 1e-3 > second.log &
-pnpct train scans second-supervised.safetensors "${further[@]}" --begin-with first-supervised.safetensors \
-  --method supervised --epochs 22 --decay 0.85 --learning-rate 1e-3 > second-supervised.log
-wait $!
-pnpct train scans n2n.safetensors "${further[@]}" --begin-with second.safetensors \
-  --epochs 1 --fine-tuning-epochs 10 --decay 0.78 --learning-rate 7e-4 > n2n.log &
-pnpct train scans supervised.safetensors "${further[@]}" --begin-with second-supervised.safetensors \
-  --method supervised --epochs 11 --decay 0.78 --learning-rate 7e-4 > supervised.log
-wait $!
+# The first learn what the loop of ADMM looks like around total variation, the second and third what it looks like around
+# the first, the last three what it looks like in all of its iterations around the third.
+train first "" 14 8 --seed 1 --examples 200 --discount 2 --learning-rate 2e-3 --decay 0.88
+around_first=(--seed 2 --examples 140 --loop-denoiser first.safetensors --loop-iterations 5)
+train second first 6 16 "${around_first[@]}" --discount 2 --learning-rate 1e-3 --decay 0.85
+train third second 1 10 "${around_first[@]}" --learning-rate 7e-4 --decay 0.78
+around_third=(--seed 3 --examples 96 --highest-ma 400 --loop-denoiser third.safetensors --loop-iterations 12)
+train fourth third 1 19 "${around_third[@]}" --learning-rate 1e-3 --decay 0.85
+train fifth fourth 1 13 "${around_third[@]}" --discount 0.5 --learning-rate 1e-3 --decay 0.82
+train sixth fifth 1 13 "${around_third[@]}" --examples 95 --discount 0.5 --learning-rate 1e-3 --decay 0.82
+for suffix in safetensors safetensors.json log; do
+  cp "sixth.$suffix" "n2n.$suffix"
+  cp "sixth-supervised.$suffix" "supervised.$suffix"
+done

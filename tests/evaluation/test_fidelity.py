@@ -116,6 +116,14 @@ def test_evaluate_counts_body_and_soft_tissue_apart(disk: torch.Tensor) -> None:
     assert values["body_rmse_hu"] == pytest.approx(10.0, abs=1e-3)
 
 
+def test_ratios_and_similarities_leave_air_out(disk: torch.Tensor) -> None:
+    streaks = torch.where(disk == 0, disk + 0.95, disk)
+    values = evaluate(streaks, disk)
+    assert {values["psnr_40_400"], values["psnr_30_300"]} == {math.inf}
+    assert values["ssim_40_400"] > ABDOMEN_SSIM(streaks, disk)
+    assert psnr(streaks, disk, window=WINDOWS["abdomen"]) < 20
+
+
 def test_evaluate_takes_other_metrics(disk: torch.Tensor) -> None:
     def largest(image: torch.Tensor, reference: torch.Tensor) -> float:
         return float((image - reference).abs().max())

@@ -13,10 +13,10 @@ SPEC = GLCMSpec(patch=32, levels=64)
 
 
 def scans(spread: float, *, seed: int, blur: float = 0.0) -> list[np.ndarray]:
-    """The same four patients each time, with noise of their own."""
+    """The same five patients each time, with noise of their own."""
     anatomy, noise = np.random.default_rng(1), np.random.default_rng(seed)
     images = []
-    for _ in range(4):
+    for _ in range(5):
         tissue = gaussian_filter(anatomy.normal(size=(32, 32)), 4) * 100
         images.append(1.03 + (tissue + gaussian_filter(spread * noise.normal(size=(32, 32)), blur)) / 1000)
     return images
@@ -37,7 +37,7 @@ def changes() -> dict[str, TextureChange]:
     fbp = scans(45.0, seed=2)
     return {
         "near the reference": compare(scans(15.0, seed=5)),
-        "constant": compare([np.full((32, 32), 1.04)] * 4),
+        "constant": compare([np.full((32, 32), 1.04)] * 5),
         "blurred": compare([gaussian_filter(image, 2.0) for image in fbp]),
         "very blurred": compare([gaussian_filter(image, 4.0) for image in fbp]),
         "fbp": compare(fbp),
@@ -45,6 +45,7 @@ def changes() -> dict[str, TextureChange]:
 
 
 def test_percentages_follow_from_the_printed_means(changes: dict[str, TextureChange]) -> None:
+    """E2: to 1e-9, from what is written as JSON with its hash."""
     for change in changes.values():
         printed = json.loads(json.dumps(asdict(change)))
         assert printed["spec_hash"] == SPEC.hash
@@ -91,9 +92,19 @@ def test_without_references_or_with_one_case_there_is_no_closeness() -> None:
     assert alone.closeness is None
     assert alone["contrast"].reference is None
     assert alone["contrast"].interval is not None
-    one = texture_change(method, fbp, measured(scans(14.0, seed=3)), generator=generator, cases=["a"] * 4)
+    one = texture_change(method, fbp, measured(scans(14.0, seed=3)), generator=generator, cases=["a"] * 5)
     assert one.closeness is None
     assert one["contrast"].interval is None
+
+
+def test_fewer_than_five_patients_have_a_change_but_no_interval() -> None:
+    method, fbp = measured(scans(15.0, seed=5)), measured(scans(45.0, seed=2))
+    for patients, known in ((["a", "b", "c", "d", "d"], False), (["a", "b", "c", "d", "e"], True)):
+        change = texture_change(
+            method, fbp, measured(scans(14.0, seed=3)), generator=np.random.default_rng(4), cases=patients, resamples=50
+        )
+        assert (change["contrast"].interval is not None) == known
+        assert change.closeness > 0.5
 
 
 def test_means_of_ratios_that_one_image_decides_are_flagged() -> None:

@@ -10,6 +10,7 @@ from pnpct.cli.artefact import NUMBERS, check_output, finish
 from pnpct.cli.scores import say_scores, write_scores
 from pnpct.cli.truth import check_same_grid, truth_of
 from pnpct.comparison import fidelity_values, histogram_values, texture_values
+from pnpct.comparison.measures import score_definitions
 from pnpct.files import read_image, record_run
 
 
@@ -17,9 +18,10 @@ from pnpct.files import read_image, record_run
 class Evaluate:
     """Compare an image with the truth.
 
-    Errors are in HU, in all, in the body, in soft tissue, and by ranges of the truth; psnr (dB) and ssim are those in
-    the window from -160 to 240 HU. Then the scores of LoDoPaB, the earth mover's distance of the histograms, and the
-    texture (GLCM) on patches of soft tissue.
+    Errors are in HU, in all, in the body, in soft tissue, and by ranges of the truth. psnr (dB) and ssim in the body
+    have level and width of their window in their names. Then the scores of ldct-benchmark in its three windows and of
+    LoDoPaB on whole slices, the earth mover's distance of the histograms in the body, and the texture (GLCM) on
+    patches of soft tissue. What the truth has no tissue for has no number.
 
     Args:
         image: The image, .h5, .nii or .nii.gz.
@@ -41,5 +43,6 @@ class Evaluate:
         say_scores({self.image.name: values})
         if self.numbers:
             write_scores(self.numbers, values)
-            provenance = record_run(command, inputs=[self.image, self.truth])
+            settings = {"scores": score_definitions()}
+            provenance = record_run(command, inputs=[self.image, self.truth], settings=settings)
             finish(self.numbers, provenance, summary=f"{len(values)} numbers")

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from pnpct.evaluation.intervals import Interval, bootstrap
 from pnpct.evaluation.texture import FEATURES, Texture
 
+LEAST_CASES = 5
+"""Cases that an interval needs: resamples of fewer are a handful of combinations, and it would be far too narrow."""
+
 
 @dataclass(frozen=True)
 class FeatureChange:
@@ -22,7 +25,7 @@ class FeatureChange:
         reference: Mean over their references; None if there are none.
         ratio_of_means: 100 (method/fbp − 1), percent: what the means above give.
         mean_of_ratios: 100 times the mean of (methodᵢ/fbpᵢ − 1), percent.
-        interval: `ratio_of_means` with its interval over cases; None with one case.
+        interval: `ratio_of_means` with its interval over cases; None with fewer than five (`LEAST_CASES`).
         closeness: 1 − |method − reference| / |fbp − reference|: 1 is at the reference, 0 as far as FBP, negative
             farther. None if there is no reference, one case, or FBP is within two standard errors of it.
     """
@@ -114,7 +117,7 @@ def texture_change(
     _check_alike(method, fbp, reference)
     if cases is not None and len(cases) != len(method):
         raise ValueError(f"Every image needs its case: there are {len(method)} images, got {len(cases)} cases.")
-    several = len(set(cases if cases is not None else range(len(method)))) > 1
+    different = len(set(cases if cases is not None else range(len(method))))
     interval = partial(bootstrap, generator=generator, cases=cases, resamples=resamples)
     features = []
     for feature in FEATURES:
@@ -130,8 +133,8 @@ def texture_change(
                 reference=None if g is None else float(g.mean()),
                 ratio_of_means=_ratio_of_means(m, f),
                 mean_of_ratios=100 * float((m / f - 1).mean()),
-                interval=interval(_ratio_of_means, m, f) if several else None,
-                closeness=_closeness(m, g, interval(_gap, f, g)) if several and g is not None else None,
+                interval=interval(_ratio_of_means, m, f) if different >= LEAST_CASES else None,
+                closeness=_closeness(m, g, interval(_gap, f, g)) if different > 1 and g is not None else None,
             )
         )
     return TextureChange(tuple(features), spec_hash=method[0].spec_hash)
