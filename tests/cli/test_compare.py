@@ -47,9 +47,38 @@ def test_one_command_makes_all_images_numbers_and_the_page(files: dict[str, Path
 @pytest.mark.parametrize(
     ("words", "names"),
     [
+        ("--tube-currents-ma 50", "leave out --tube-currents-ma."),
+        ("--tube-voltage-kvp 100 --tube-currents-ma 50", "leave out --tube-currents-ma and --tube-voltage-kvp."),
+    ],
+)
+def test_options_of_scans_that_are_drawn_are_refused_where_all_are_measured(
+    files: dict[str, Path], made: Path, tmp_path: Path, run, words: str, names: str
+) -> None:
+    networks = ["--supervised", files["network"], "--two-stage", files["network"]]
+    status, _, err = run("compare", tmp_path / "out", made / "scan.h5", *networks, *words.split())
+    assert (status, err.count("\n")) == (2, 1)
+    assert "All scans are measured, and none is drawn" in err
+    assert names in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_help_shows_at_which_doses_scans_are_drawn(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    status, out, _ = run("compare", "--help")
+    assert status == 0
+    assert "(default: 40 70 100)" in out
+    assert "(default: 120.0)" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
         ("--tube-voltage-kvp 80", "no exposure at 80 kVp"),
         ("--two-stage nothing", "nothing"),
         ("--blur-pixels -1", "-1"),
+        ("--detectability-pairs 10", "needs 40 pairs of scans or more, or 0 for none: 10"),
+        ("--phantom-repeats 1", "needs two repeats of the phantoms or more, or 0 for none: 1"),
+        ("--detectability-pairs 40 --tube-currents-ma 200", "a tube current besides 20, 200, 400 mA"),
     ],
 )
 def test_what_cannot_be_is_one_sentence(files: dict[str, Path], tmp_path: Path, run, words: str, names: str) -> None:

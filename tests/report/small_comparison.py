@@ -1,6 +1,7 @@
 """A comparison of three methods on two cases, with something in every section; all numbers are made up."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +17,16 @@ from pnpct.comparison import (
     DosePoint,
     DoseShare,
     Grid,
+    LeastReduction,
     LesionResult,
     Method,
     StoredImage,
     Task,
+    TextureGroup,
     write_comparison,
 )
 from pnpct.comparison.image_hash import image_sha256
-from pnpct.evaluation import FEATURES, FeatureChange, Interval
+from pnpct.evaluation import FEATURES, FeatureChange, Interval, Patch
 from pnpct.files import Provenance, read_image, write_image
 from pnpct.geometry import ImageGrid
 from pnpct.units import from_hu
@@ -58,10 +61,16 @@ def make_comparison(folder: Path) -> Comparison:
         cases=cases,
         fidelity={case.name: _fidelity(seed) for seed, case in enumerate(cases)},
         texture={case.name: _texture(seed) for seed, case in enumerate(cases)},
-        texture_change={"fbp-blurred": _changes(0.1, 0.5), "pnp": _changes(0.5, None)},
+        texture_change={
+            "40 mA": _texture_group(6, {"fbp-blurred": _changes(0.1, 0.5), "pnp": _changes(0.5, None)}),
+            "60 mA": _texture_group(2, {"fbp-blurred": _changes(0.25, None), "pnp": _changes(0.6, None)}),
+        },
         histogram={case.name: _histogram(seed) for seed, case in enumerate(cases)},
         curves=tuple(_curve(kind, n) for kind in ("noise-power", "transfer") for n in range(3)),
         tasks=_tasks(),
+        least_reductions=tuple(
+            LeastReduction(name, "channelised Hotelling", "10 mm, −15 HU", DOSES[name]) for name in DOSES
+        ),
         lesions=tuple(
             LesionResult("chest", name, "12 mm, −40 HU", -40.0, 1.0 - 0.21 * n, 0.031 * n, 0.42 * n)
             for n, name in enumerate(NAMES)
@@ -79,12 +88,26 @@ CHECKS = (
     Check("prior-off sweep", None, None, None, None, None, "not judged", "It was not run."),
 )
 
+DOSES = {
+    "fbp-blurred": DoseShare("FBP hann at 320 mA", 0.97, 0.86, 1.09),
+    "pnp": DoseShare("FBP hann at 320 mA", 0.64, 0.55, 0.73),
+}
+
 
 def _case(folder: Path, name: str, seed: int) -> Case:
     stored = {method: _stored(folder, f"{name}-{method}", image) for method, image in images(seed).items()}
-    ramp = torch.linspace(-4.0, 8.0, 64).expand(64, 64).contiguous()
-    verifiable = {"verifiable_hu": _stored(folder, f"{name}-v", 30.0 + ramp)}
-    maps = {"fbp": verifiable, "pnp": {"t": _stored(folder, f"{name}-t", ramp), **verifiable}}
+    ramp = torch.linspace(-4.0, 8.0, 64).repeat(64, 1)
+    ramp[:4] = 0.0  # outside the body
+    verifiable = {"verifiable_hu": _stored(folder, f"{name}-v", torch.where(ramp == 0, 0.0, 30.0 + ramp))}
+    maps = {
+        "fbp": {"t": _stored(folder, f"{name}-fbp-t", 0.25 * ramp), **verifiable},
+        "fbp-blurred": {"t": _stored(folder, f"{name}-blurred-t", 2.0 * ramp), **verifiable},
+        "pnp": {
+            "t": _stored(folder, f"{name}-t", ramp),
+            **verifiable,
+            "difference_hu": _stored(folder, f"{name}-d", -1.5 * ramp),
+        },
+    }
     return Case(
         name=name,
         label=f"{name.title()}, {40 + 20 * seed} mA",
@@ -96,6 +119,9 @@ def _case(folder: Path, name: str, seed: int) -> Case:
         images=stored,
         maps=maps if seed == 0 else {},
         seed=seed,
+        patches=(Patch(0, 0),),
+        texture_spec_hash="0123456789ab",
+        disc_mm=8.0,
     )
 
 
@@ -106,19 +132,38 @@ def _stored(folder: Path, name: str, image: Image) -> StoredImage:
 
 def _fidelity(seed: int) -> dict[str, Mapping[str, float | None]]:
     return {
-        **{n: {"soft_tissue_rmse_hu": 41.23 / (k + 1) + seed, "psnr": 23.456 + k} for k, n in enumerate(NAMES)},
-        "reference": {"soft_tissue_rmse_hu": 8.01, "psnr": None},
+        **{n: {"soft_tissue_rmse_hu": 41.23 / (k + 1) + seed, "psnr_40_400": 23.456 + k} for k, n in enumerate(NAMES)},
+        "reference": {"soft_tissue_rmse_hu": 8.01, "psnr_40_400": None},
     }
 
 
 def _texture(seed: int) -> dict[str, Mapping[str, float | None]]:
-    rows = (*NAMES, "reference")
+    rows = (*NAMES, "reference", "repeat", "truth")
     return {name: {f: 1234.5 / 10 ** (k + seed + n) for k, f in enumerate(FEATURES)} for n, name in enumerate(rows)}
 
 
 def _histogram(seed: int) -> dict[str, Mapping[str, float | None]]:
-    distances = {n: {"emd": 0.0275 / (k + 1 + seed), "emd_hu": 8.25 / (k + 1 + seed)} for k, n in enumerate(NAMES)}
-    return {**distances, "reference": {"repeat_scan_floor": 0.0004}}
+    distances = {
+        n: {
+            "emd": 0.0275 / (k + 1 + seed),
+            "emd_hu": 8.25 / (k + 1 + seed),
+            "emd_to_truth": 0.0375 / (k + 1),
+            "emd_to_truth_hu": 11.25 / (k + 1),
+        }
+        for k, n in enumerate(NAMES)
+    }
+    return {
+        **distances,
+        "reference": {"repeat_scan_floor": 0.0004, "emd_to_truth": 0.0101, "emd_to_truth_hu": 3.03},
+        "repeat": {"emd": 0.0004, "emd_hu": 0.12, "emd_to_truth": 0.0102, "emd_to_truth_hu": 3.06},
+        "truth": {"emd": 0.0101, "emd_hu": 3.03},
+    }
+
+
+def _texture_group(patients: int, changes: dict[str, tuple[FeatureChange, ...]]) -> TextureGroup:
+    if patients < 5:
+        changes = {name: tuple(replace(each, interval=None) for each in of) for name, of in changes.items()}
+    return TextureGroup(patients, 7 * patients, "0123456789ab", changes, ("pnp", "fbp-blurred"))
 
 
 def _changes(factor: float, closeness: float | None) -> tuple[FeatureChange, ...]:
@@ -150,13 +195,8 @@ def _tasks() -> tuple[Task, ...]:
         )
         for n, name in enumerate(NAMES)
     }
-    doses = {
-        "fbp": None,
-        "fbp-blurred": DoseShare("FBP hann at 320 mA", 0.97, 0.86, 1.09),
-        "pnp": DoseShare("FBP hann at 320 mA", 0.64, 0.55, 0.73),
-    }
     hotelling = [
-        Task(name, "channelised Hotelling", lesion, points[name], doses[name])
+        Task(name, "channelised Hotelling", lesion, points[name], DOSES.get(name))
         for lesion in ("10 mm, −15 HU", "5 mm, −30 HU")
         for name in NAMES
     ]

@@ -44,7 +44,7 @@ def test_bars_end_where_their_numbers_are(page, content):
             right = axis.value(float(bar["x"]) + float(bar["width"]))
             assert (left, right) == pytest.approx((min(value, 0.0), max(value, 0.0)), abs=2 * axis.error(value))
             seen += 1
-    assert seen == 2 * 7 + 2 * 3 + 3  # features, cases, lesions
+    assert seen == 2 * 2 * 7 + 2 * 3 + 3  # features at two tube currents, cases, lesions
 
 
 def test_the_tick_is_the_reference_and_the_floor(page, content):
@@ -73,7 +73,7 @@ def test_intervals_reach_from_end_to_end(page, content):
                 ends = axis.value(low), axis.value(high)
                 assert ends == pytest.approx((interval["low"], interval["high"]), abs=axis.error(1.0))
                 seen += 1
-    assert seen == 2 * 6  # one feature has none
+    assert seen == 2 * 6  # one feature has none, and neither has what is of two patients
 
 
 def test_colours_are_those_of_closeness(page, content):
@@ -96,10 +96,10 @@ def test_closeness_runs_from_farther_to_there(closeness, style):
 def test_over_smoothing_is_told_and_hatched(page):
     assert "Over-smoothed: Blurred FBP (entropy)." in " ".join(page.text.split())
     groups = [group for chart in bar_charts(page) for group, _, _ in bars(chart)]
-    (tagged,) = [group for group in groups if group.all("tspan", style="tag")]
+    (tagged,) = [group for group in groups if group.all("tspan", style="tag")]  # closeness is known at 40 mA alone
     assert "Blurred FBP over-smoothed" in tagged.text
     hatched = [group for group in groups if group.all("rect", style="hatch")]
-    assert len(hatched) == 7
+    assert len(hatched) == 2 * 7
     assert all("Blurred FBP" in group.text for group in hatched)
 
 

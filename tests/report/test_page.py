@@ -1,12 +1,16 @@
 import json
 import re
+from dataclasses import replace
 
+import msgspec
 import pytest
 from parsed_page import metrics, parse, read_number, resolve
 from small_comparison import CHECKS, METHODS
 
-from pnpct.comparison import read_comparison
+from pnpct.comparison import Check, read_comparison
 from pnpct.report import write_report
+from pnpct.report.header import lights
+from pnpct.report.marked_numbers import Numbers
 
 SECTIONS = [
     *("verdicts", "images", "details", "profiles", "curves", "texture", "numbers"),
@@ -88,6 +92,55 @@ def test_what_does_not_exist_is_said_to_be_so(page):
     assert any(cell.text == "–" for cell in page.all("td"))  # the interval of one feature
 
 
+def test_texture_is_told_apart_by_tube_current_with_its_patients(page):
+    text = " ".join(page.all("section", id="texture")[0].text.split())
+    first, second = text.index("At 40 mA Patients: 6. Patches: 42."), text.index("At 60 mA Patients: 2. Patches: 14.")
+    assert first < second
+    assert "over-smoothed last: PnP-ADMM, Blurred FBP." in text[first:second]
+    assert "over-smoothed last" not in text[second:]  # closeness is not known there
+    assert "Over-smoothed: Blurred FBP (entropy)" in text[first:second]
+
+
+def test_tables_of_texture_have_the_reference_its_repeat_and_the_truth(page):
+    (table,) = [
+        each for each in page.all("table") if each.all("caption")[0].text == "Change of texture from FBP, 40 mA"
+    ]
+    assert table.all("th", scope="row")[0].text.strip() == "Blurred FBP"
+    heads = [
+        [head.text.strip() for head in each.all("thead")[0].all("th")]
+        for each in page.all("section", id="numbers")[0].all("table")
+        if "Contrast" in each.text
+    ]
+    assert heads == 2 * [["FBP", "Blurred FBP", "PnP-ADMM", "Reference", "Second reference scan", "Truth"]]
+
+
+def test_limits_have_the_digits_of_their_values(folder):
+    check = Check("lesion recovery", "chest", "pnp", 1.0123456789, 0.8, 1.1234567890123, "pass", "It is whole.")
+    comparison = replace(read_comparison(folder), checks=(check,))
+    (light,) = lights(comparison, (), Numbers(msgspec.to_builtins(comparison)))
+    assert [re.sub("<[^>]*>", "", words) for words in (light.value, light.allowed)] == ["1.012", "0.8 to 1.123"]
+
+
+def test_times_are_said_to_be_no_measurement(page):
+    rows = [row.all("th")[0].text for row in page.all("tr") if "/cases/0/images/fbp/seconds" in paths_of(row)]
+    assert rows == ["Time, beside other work on the same processor s"]
+
+
+def paths_of(element):
+    return {each.attributes.get("data-path") for each in element.walk()}
+
+
+def test_a_map_has_one_scale_in_a_case(page):
+    data = json.loads(page.all("script", id="viewer-data")[0].text)
+    chest, head = data["cases"]
+    assert chest["scales"] == {
+        "t": {"signed": True, "largest": 8.0, "beyond": True},  # up to 16 in the image of the control
+        "verifiable_hu": {"signed": False, "largest": 38.0, "beyond": False},
+        "difference_hu": {"signed": True, "largest": 12.0, "beyond": False},
+    }
+    assert head["scales"] == {}
+
+
 def test_a_failure_stands_first_and_nothing_can_fold_it(page):
     (failed,) = page.all(style="failure")
     assert "FAIL: residual chi-square" in failed.text
@@ -138,7 +191,8 @@ def test_the_control_is_among_the_images(page):
     assert data["cases"][0]["order"] == ["fbp", "fbp-blurred", "pnp", "reference", "truth"]
     assert data["window"] == [30.0, 300.0]
     texts = [element for element in page.all("script") if element.attributes.get("type") == "text/plain"]
-    assert len(texts) == 11  # five images of two cases with one truth, a map, and one that two methods share
+    # Five images of two cases with one truth, four maps, and one that three methods share.
+    assert len(texts) == 14
     assert all(element.text for element in texts)
 
 

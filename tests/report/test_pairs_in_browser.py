@@ -64,11 +64,48 @@ def test_an_overlay_covers_the_image_and_is_read(page, hu):
     page.locator("#overlays").get_by_text("Score t").click()
     page.locator("#scale-high").filter(has_text="(t)").wait_for()
     assert colour(page, panel("pnp"), 60, 50) != before
-    assert colour(page, panel("fbp"), 60, 50) == grey(float(hu["fbp"][50, 60]), 30, 300)
+    assert colour(page, panel("truth"), 60, 50) == grey(float(hu["truth"][50, 60]), 30, 300)
     page.mouse.move(*point_of(page, panel("pnp"), 60, 50))
     settle(page)
     said = page.locator('#grid .panel[data-method="pnp"] output').text_content()
     assert said.endswith(f" · {-4.0 + 12.0 * 60 / 63:.2f}")
+
+
+def test_a_colour_means_one_number_on_every_image(page):
+    page.locator("#overlays").get_by_text("Score t").click()
+    page.locator("#scale-high").filter(has_text="8 and more (t)").wait_for()
+    assert page.locator("#scale-low").text_content() == "−8 and more"
+    # −3.81 in both maps, on black; the largest number of one is 16, that of the other 8.
+    assert colour(page, panel("pnp"), 1, 50) == pytest.approx(colour(page, panel("fbp-blurred"), 11, 50), abs=3)
+    assert colour(page, panel("fbp-blurred"), 60, 50) == colour(page, panel("fbp-blurred"), 63, 50)  # the end is 8
+    page.locator("#overlays").get_by_text("Verifiable contrast").click()
+    page.locator("#scale-high").filter(has_text="38 (verifiable hu)").wait_for()
+    assert colour(page, panel("pnp"), 60, 50) == colour(page, panel("fbp"), 60, 50)
+
+
+def test_where_a_map_has_no_answer_the_image_is_seen(page, hu):
+    before = colour(page, panel("pnp"), 60, 50)
+    for overlay, name in (("Score t", "t"), ("Verifiable contrast", "verifiable hu"), ("Change by", "difference hu")):
+        page.locator("#overlays").get_by_text(overlay).click()
+        page.locator("#scale-high").filter(has_text=f"({name})").wait_for()
+        assert colour(page, panel("pnp"), 60, 50) != before
+        assert colour(page, panel("pnp"), 30, 2) == grey(float(hu["pnp"][2, 30]), 30, 300)
+    page.mouse.move(*point_of(page, panel("pnp"), 30, 2))
+    settle(page)
+    assert page.locator('#grid .panel[data-method="pnp"] output').text_content().endswith(" HU · not known")
+
+
+def test_a_coarse_map_lies_where_its_pixels_are(open_page, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("pnpct.report.pixels.MAP_SIDE", 32)
+    write_report(folder, tmp_path / "report.html")
+    page = open_page(tmp_path / "report.html")
+    page.locator("#overlays").get_by_text("Score t").click()
+    page.locator("#scale-high").filter(has_text="(t)").wait_for()
+    assert colour(page, panel("pnp"), 60, 50) == colour(page, panel("pnp"), 61, 50) != colour(page, panel("pnp"), 0, 50)
+    page.mouse.move(*point_of(page, panel("pnp"), 60, 50))
+    settle(page)
+    said = page.locator('#grid .panel[data-method="pnp"] output').text_content()
+    assert said.endswith(f" · {-4.0 + 12.0 * 61 / 63:.2f}")  # of columns 60 and 61 that farther from 0
 
 
 def test_another_case_has_other_images_and_no_maps(page, folder):
@@ -99,6 +136,10 @@ def test_a_profile_is_the_hu_along_the_line(page, hu):
     page.locator("#line-0-1").fill("10")
     settle(page)
     assert "from column 4, row 10 " in page.locator("#profile-says").text_content()
+    page.locator("#cases").get_by_text("Head, 60 mA").click()
+    page.wait_for_selector('html[data-ready="head"]')
+    settle(page)
+    assert page.locator("#profile-says").text_content().startswith("Head, 60 mA: 300.3 mm from column 4, row 10 ")
 
 
 def background(page) -> float:

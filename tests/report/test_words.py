@@ -34,7 +34,10 @@ def test_a_sign_may_be_asked_for():
         ("f50_per_mm", "F50", "1/mm"),
         ("emd", "EMD", ""),
         ("hu", "HU", ""),
-        ("psnr_ldctbench", "PSNR ldct-bench", ""),
+        ("psnr_ldctbench_chest", "PSNR ldct-bench chest", ""),
+        ("ssim_lodopab_fr", "SSIM LoDoPaB FR", ""),
+        ("psnr_40_400", "PSNR, window 40/400", ""),
+        ("emd_to_truth_hu", "EMD to truth", "HU"),
     ],
 )
 def test_names_become_titles_and_units(name, title, unit):

@@ -12,13 +12,13 @@ from pnpct.cli.parsing import option
 from pnpct.cli.report import Report
 from pnpct.cli.terminal import track
 from pnpct.comparison import (
-    Candidate,
-    Curve,
+    PhantomTests,
     Plan,
-    Task,
+    Subject,
     compare_cases,
-    phantom_curves,
-    phantom_tasks,
+    measure_phantoms,
+    phantom_jobs,
+    phantom_results,
     subjects_of,
     summarise,
     write_comparison,
@@ -26,11 +26,8 @@ from pnpct.comparison import (
 )
 from pnpct.files import record_run
 
-FURTHER_MA = (20.0, 200.0)
-"""Tube currents at which inserts are looked for besides those of the scans, mA."""
-
-PHANTOM_MA = 100.0
-"""Tube current of the phantoms for noise power and sharpness, mA."""
+CURRENTS_MA, VOLTAGE_KVP = (40.0, 70.0, 100.0), 120.0
+"""Of scans that are drawn, and of phantoms, where nothing else is asked for."""
 
 
 @dataclass(frozen=True)
@@ -43,57 +40,50 @@ class Compare(Plan):
     Args:
         folder: Where everything shall be; it is made.
         scans: Scans, or slices of a data set (exposures) that scans are drawn from.
-        tube_currents_ma: Of the scans that are drawn, mA.
-        tube_voltage_kvp: Of the scans that are drawn, kVp.
+        tube_currents_ma: Of the scans that are drawn, and at which inserts are looked for besides 20, 200 and 400, mA.
+        tube_voltage_kvp: Of the scans that are drawn and of the phantoms, kVp.
         phantom_repeats: Scans of the phantoms for noise power and sharpness, at least 2; 0 leaves these out.
         detectability_pairs: Scans with and without inserts at each dose of a phantom, at least 40; 0 leaves it out.
-        processes: Cases that are worked on at the same time.
+        processes: Cases, and then methods on phantoms, that are worked on at the same time.
     """
 
     folder: Positional[Path]
     scans: Positional[tuple[Path, ...]]
-    tube_currents_ma: tuple[float, ...] = (40.0, 70.0, 100.0)
-    tube_voltage_kvp: float = 120.0
-    phantom_repeats: int = 4
-    detectability_pairs: int = 0
+    tube_currents_ma: Annotated[tuple[float, ...] | None, option(default="40 70 100", metavar="FLOAT [FLOAT ...]")] = (
+        None
+    )
+    tube_voltage_kvp: Annotated[float | None, option(default=VOLTAGE_KVP)] = None
+    phantom_repeats: int = PhantomTests.repeats
+    detectability_pairs: int = PhantomTests.pairs
     processes: Annotated[int | None, option(default="one for each processor")] = None
 
     def run(self, command: Sequence[str]) -> None:
         """Compare, measure, and write the report."""
         plan = Plan(**{field.name: getattr(self, field.name) for field in fields(Plan)})
-        doses, voltage = self.tube_currents_ma, self.tube_voltage_kvp
-        subjects = list(subjects_of(self.scans, tube_currents_ma=doses, tube_voltage_kvp=voltage, seed=self.seed))
-        processes = min((os.cpu_count() or 1) if self.processes is None else self.processes, len(subjects) or 1)
-        found = compare_cases(self.folder, subjects, plan, processes=processes)
+        doses = CURRENTS_MA if self.tube_currents_ma is None else self.tube_currents_ma
+        voltage = VOLTAGE_KVP if self.tube_voltage_kvp is None else self.tube_voltage_kvp
+        subjects = list(subjects_of(self.scans, tube_currents_ma=doses, tube_voltage_kvp=voltage, seed=plan.seed))
+        self._check_effect(subjects)
+        repeats, pairs = self.phantom_repeats, self.detectability_pairs
+        tests = PhantomTests(repeats=repeats, pairs=pairs, tube_currents_ma=doses, tube_voltage_kvp=voltage)
+        jobs = phantom_jobs(plan, tests)
+        processes = (os.cpu_count() or 1) if self.processes is None else self.processes
+        found = compare_cases(self.folder, subjects, plan, processes=min(processes, len(subjects) or 1))
         by_name = {one.case.name: one for one in track(found, total=len(subjects), of="Comparing")}
-        candidates = plan.candidates()
+        measured = measure_phantoms(self.folder, jobs, processes=processes)
+        records = list(track(measured, total=len(jobs), of="Phantoms"))
         comparison = summarise(
             [by_name[subject.name] for subject in subjects],
             plan,
             provenance=record_run(command, inputs=self.scans, seed=self.seed, settings=asdict(plan)),
-            curves=self._curves(candidates) if self.phantom_repeats else [],
-            tasks=self._tasks(candidates) if self.detectability_pairs else [],
+            phantoms=phantom_results(records, plan, tests),
         )
         write_comparison(self.folder, comparison)
         write_table(self.folder, comparison)
         Report(self.folder).run(command)
 
-    def _curves(self, candidates: Sequence[Candidate]) -> list[Curve]:
-        found = phantom_curves(
-            candidates,
-            tube_current_ma=PHANTOM_MA,
-            tube_voltage_kvp=self.tube_voltage_kvp,
-            repeats=self.phantom_repeats,
-            seed=self.seed,
-        )
-        return list(track(found, total=2 * len(candidates), of="Noise and sharpness"))
-
-    def _tasks(self, candidates: Sequence[Candidate]) -> list[Task]:
-        found = phantom_tasks(
-            candidates,
-            tube_currents_ma=sorted({*self.tube_currents_ma, *FURTHER_MA}),
-            tube_voltage_kvp=self.tube_voltage_kvp,
-            pairs=self.detectability_pairs,
-            seed=self.seed,
-        )
-        return list(track(found, total=4 * len(candidates) + 8, of="Detectability"))
+    def _check_effect(self, subjects: Sequence[Subject]) -> None:
+        options = {"--tube-currents-ma": self.tube_currents_ma, "--tube-voltage-kvp": self.tube_voltage_kvp}
+        given = [name for name, value in options.items() if value is not None]
+        if given and subjects and all(subject.tube_current_ma is None for subject in subjects):
+            raise ValueError(f"All scans are measured, and none is drawn: leave out {' and '.join(given)}.")

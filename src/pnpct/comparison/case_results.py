@@ -1,7 +1,7 @@
 """One case of a comparison: its images by every method, and what was measured of them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -9,16 +9,17 @@ import torch
 
 from pnpct.arrays import Image
 from pnpct.comparison.candidates import Candidate
-from pnpct.comparison.honesty import Evidence, judge, lesions, sweep
+from pnpct.comparison.case_record import Case, Detail, Grid, StoredImage
+from pnpct.comparison.honesty import Evidence, cross_view, judge, sweep
 from pnpct.comparison.measures import Values, fidelity_values, histogram_values
+from pnpct.comparison.outcomes import errors_against_fbp, lesions
 from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import Case, Check, Detail, Grid, LesionResult, StoredImage
+from pnpct.comparison.results import Check, LesionResult
 from pnpct.comparison.stored_images import ImageFolder
 from pnpct.comparison.subjects import LoadedSubject, Subject
 from pnpct.evaluation import (
     GLCMSpec,
     Texture,
-    body_mask,
     repeat_scan_floor,
     texture_features,
     texture_patches,
@@ -37,8 +38,8 @@ class CaseResults:
         case: The case, with its images.
         patient: Whose slice it is.
         fidelity: Errors by method.
-        texture: Texture by method, and of the reference; empty where no soft tissue was found to measure it on.
-        histogram: Distances of histograms by method, and the floor of the reference.
+        texture: Texture by method, and of "reference", "repeat" and "truth"; empty where there is no soft tissue.
+        histogram: Distances of histograms by the same names, and the floor of the reference.
         lesions: What became of a lesion.
         checks: Honesty checks.
     """
@@ -69,16 +70,15 @@ def compare_case(folder: Path, subject: Subject, plan: Plan) -> CaseResults:
     for candidate in candidates:
         name = candidate.method.name
         images[name], files[name] = kept.keep(name, partial(candidate.make, sinogram, A), candidate.method.settings)
-    fbp, repeats = candidates[0], []
-    for name, scan in zip(("reference", "reference-repeat"), loaded.references, strict=False):
-        image, file = kept.keep(name, partial(fbp.make, take_log(scan), A), fbp.method.settings)
-        repeats.append(image)
-        files.setdefault("reference", file)
-    if (truth := loaded.truth) is not None:
-        _, files["truth"] = kept.keep("truth", lambda: truth, {})
-    evidence = Evidence(subject.name, sinogram, A, truth, plan, kept)
+    given, files_given = _given(loaded, kept, candidates[0], A)
+    evidence = Evidence(subject.name, sinogram, A, loaded.truth, images[candidates[0].method.name], plan, kept)
     maps, checks = judge(evidence, images)
-    last = candidates[-1].method.name
+    swept, of_sweep = sweep(evidence, images[candidates[-1].method.name])
+    for name, one in swept.items():
+        maps[name] |= one
+    inserted, of_lesions = lesions(evidence, images, candidates)
+    textures = _textures(images, given, evidence)
+    of_texture = next(iter(textures.values()), None)
     case = Case(
         subject.name,
         subject.label,
@@ -86,70 +86,95 @@ def compare_case(folder: Path, subject: Subject, plan: Plan) -> CaseResults:
         subject.tube_voltage_kvp,
         Grid(loaded.grid.rows, loaded.grid.cols, loaded.grid.spacing, loaded.grid.center),
         _in_words(loaded.scan.geometry),
-        _details(loaded, images[fbp.method.name]),
-        files,
+        _details(evidence),
+        {**files, **files_given},
         maps,
         None if subject.tube_current_ma is None else subject.seed,
+        () if of_texture is None else of_texture.patches,
+        None if of_texture is None else of_texture.spec_hash,
+        evidence.disc if maps else None,
     )
     return CaseResults(
         case,
         subject.patient,
-        _fidelity(images, loaded, repeats),
-        _textures(images, loaded, repeats, fbp),
-        _histograms(images, loaded, repeats),
-        lesions(evidence, images, candidates),
-        (*checks, sweep(evidence, images[last])),
+        _fidelity(images, given),
+        textures,
+        _histograms(images, given, evidence),
+        inserted,
+        (
+            *checks,
+            *cross_view(evidence, candidates),
+            *of_lesions,
+            *errors_against_fbp(evidence, images, candidates),
+            *of_sweep,
+        ),
     )
 
 
-def _target(loaded: LoadedSubject, repeats: Sequence[Image]) -> Image | None:
-    return loaded.truth if loaded.truth is not None else repeats[0] if repeats else None
+def _given(
+    loaded: LoadedSubject, kept: ImageFolder, fbp: Candidate, A: Projector
+) -> tuple[dict[str, Image], dict[str, StoredImage]]:
+    """What a case has besides its methods: FBP of the reference scans, and the truth; readers see one reference."""
+    given: dict[str, Image] = {}
+    files: dict[str, StoredImage] = {}
+    for name, scan in loaded.references.items():
+        given[name], files[name] = kept.keep(name, partial(fbp.make, take_log(scan), A), fbp.method.settings)
+    if (truth := loaded.truth) is not None:
+        given["truth"], files["truth"] = kept.keep("truth", lambda: truth, {})
+    files.pop("repeat", None)
+    return given, files
 
 
-def _fidelity(images: Mapping[str, Image], loaded: LoadedSubject, repeats: Sequence[Image]) -> dict[str, Values]:
+def texture_spec(*, truth_known: bool) -> GLCMSpec:
+    """Return how texture is measured; a truth chooses the patches as it is, FBP after it was smoothed for that."""
+    return GLCMSpec(smoothing=0.0 if truth_known else 4.0)
+
+
+def _fidelity(images: Mapping[str, Image], given: Mapping[str, Image]) -> dict[str, Values]:
     """Errors against the truth; the reference has its own."""
-    if (truth := _target(loaded, repeats)) is None:
+    if (truth := given.get("truth")) is None:
         return {}
-    compared = {**images, **({"reference": repeats[0]} if repeats and loaded.truth is not None else {})}
+    compared = {**images, **{name: image for name, image in given.items() if name == "reference"}}
     return {name: fidelity_values(image, truth) for name, image in compared.items()}
 
 
-def _textures(
-    images: Mapping[str, Image], loaded: LoadedSubject, repeats: Sequence[Image], fbp: Candidate
-) -> dict[str, Texture]:
-    """Texture on patches that the reference alone has chosen; where the truth is known it is the reference."""
-    target = _target(loaded, repeats)
-    chosen_on = images[fbp.method.name] if target is None else target
-    spec = GLCMSpec()
-    if min(chosen_on.shape) < spec.patch:
+def _textures(images: Mapping[str, Image], given: Mapping[str, Image], evidence: Evidence) -> dict[str, Texture]:
+    """Texture of all images on patches that the truth has chosen, or FBP where nobody knows it."""
+    chosen_on = evidence.fbp if evidence.truth is None else evidence.truth
+    spec = texture_spec(truth_known=evidence.truth is not None)
+    if min(chosen_on.shape) < spec.patch or not (patches := texture_patches(chosen_on, spec=spec)):
         return {}
-    patches = texture_patches(chosen_on, spec=replace(spec, smoothing=0.0 if loaded.truth is not None else 4.0))
-    if not patches:
-        return {}
-    measured = {**images, **({} if target is None else {"reference": target})}
-    return {name: texture_features(image, patches, spec=spec) for name, image in measured.items()}
+    return {name: texture_features(image, patches, spec=spec) for name, image in {**images, **given}.items()}
 
 
-def _histograms(images: Mapping[str, Image], loaded: LoadedSubject, repeats: Sequence[Image]) -> dict[str, Values]:
-    if (target := _target(loaded, repeats)) is None:
-        return {}
-    found = {name: histogram_values(image, target) for name, image in images.items()}
-    if len(repeats) == 2:
-        floor = repeat_scan_floor(torch.stack(list(repeats)), mask=body_mask(target))
-        found["reference"] = {"repeat_scan_floor": floor}
+def _histograms(images: Mapping[str, Image], given: Mapping[str, Image], evidence: Evidence) -> dict[str, Values]:
+    """Distances from the reference scan and from the truth, and the distance of two reference scans."""
+    found: dict[str, Values] = {}
+    for target, ending in (("reference", ""), ("truth", "_to_truth")):
+        if target not in given:
+            continue
+        for name, image in {**images, **given}.items():
+            if name != target:
+                values = histogram_values(image, given[target], body=evidence.body)
+                found.setdefault(name, {}).update({f"{key}{ending}": value for key, value in values.items()})
+    repeats = [given[name] for name in ("reference", "repeat") if name in given]
+    if len(repeats) == 2 and bool(evidence.body.any()):
+        floor = repeat_scan_floor(torch.stack(repeats), mask=evidence.body)
+        found.setdefault("reference", {})["repeat_scan_floor"] = floor
     return found
 
 
-def _details(loaded: LoadedSubject, fbp: Image) -> tuple[Detail, ...]:
+def _details(evidence: Evidence) -> tuple[Detail, ...]:
     """Two squares within the body, chosen by where it is, not by what any method has made of it."""
-    rows, cols = torch.nonzero(body_mask(fbp if loaded.truth is None else loaded.truth), as_tuple=True)
+    rows, cols = torch.nonzero(evidence.body, as_tuple=True)
     if not len(rows):
         return ()
-    size = max(8, min(fbp.shape) // 5)
+    size = max(8, min(evidence.body.shape) // 5)
 
     def around(row: float, col: float) -> Detail:
         first_row, first_col = (
-            int(min(max(at - size / 2, 0), whole - size)) for at, whole in zip((row, col), fbp.shape, strict=True)
+            int(min(max(at - size / 2, 0), whole - size))
+            for at, whole in zip((row, col), evidence.body.shape, strict=True)
         )
         return Detail(first_row, first_col, size)
 

@@ -1,31 +1,15 @@
-"""What phantoms say of the methods: noise power, sharpness, and how well faint inserts are found at each dose."""
+"""The phantoms that methods are tested on, how often and at which doses they are scanned; plain, checked values."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import Literal
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any
 
-import numpy as np
-import torch
-from numpy.typing import NDArray
-
-from pnpct.arrays import Image
-from pnpct.comparison.candidates import Candidate
-from pnpct.comparison.results import Curve, DosePoint, DoseShare, Task
-from pnpct.evaluation import (
-    InsertDetectability,
-    InsertScans,
-    Interval,
-    best_references,
-    detectability_by_dose,
-    dose_curves,
-    equal_detectability_dose,
-    noise_power_of_repeats,
-    task_transfer,
-)
+from pnpct.evaluation.detectability_by_dose import READER
 from pnpct.geometry import ImageGrid
-from pnpct.operators import Projector
-from pnpct.physics import Exposure, Sinogram, take_log
+from pnpct.operators import Kernel
+from pnpct.physics import Exposure
 from pnpct.simulation import (
     Insert,
     as_exposure,
@@ -34,9 +18,6 @@ from pnpct.simulation import (
     scanner_beam,
     simulate_moments,
 )
-
-GRID = ImageGrid(256, 256, spacing=0.9)
-"""Of all images; the phantom has 200 mm."""
 
 INSERTS = (
     Insert(diameter=6.0, contrast_hu=-40.0, center=(40.0, 40.0)),
@@ -49,129 +30,167 @@ INSERTS = (
 EDGE = Insert(diameter=30.0, contrast_hu=-120.0, center=(0.0, 0.0))
 """The disc whose edge shows how sharp a method is."""
 
+CURVES_MA = 100.0
+"""Tube current of the phantoms for noise power and sharpness, mA."""
 
-def phantom_exposure(inserts: Sequence[Insert], *, tube_voltage_kvp: float) -> Exposure:
-    """Return the exposure of 200 mm of water with inserts."""
-    geometry = clinical_fan_beam()
+FULL_MA = 200.0
+"""Tube current at which FBP sets the mark of detectability: the full dose, mA."""
+
+FURTHER_MA = (20.0, FULL_MA, 2 * FULL_MA)
+"""Tube currents at which inserts are looked for besides those of the scans, mA.
+
+They reach beyond the full dose, so that what is worse than FBP can be told by how much.
+"""
+
+REFERENCE_KERNELS: tuple[Kernel, ...] = ("ram-lak", "hann", "soft")
+"""Kernels of FBP, the best of which sets the mark for each insert."""
+
+LEAST_PAIRS = 40
+"""Fewer pairs of scans give the Hotelling observer no covariance in some resample."""
+
+
+@dataclass(frozen=True)
+class Phantoms:
+    """Discs of water with and without inserts, their scanner, and the pixels of their images.
+
+    Args:
+        grid: Of all images; the phantoms are drawn with half its spacing.
+        views: Views of the scanner in a turn.
+        bins: Cells of its detector.
+        radius: Of the discs of water, mm.
+        inserts: What is looked for, all in one phantom.
+        edge: The disc of another phantom, by whose edge sharpness is measured.
+
+    Raises:
+        ValueError: If there is no insert, or the edge has not the place that its measurement needs.
+    """
+
+    grid: ImageGrid = ImageGrid(256, 256, spacing=0.9)  # noqa: RUF009 - a frozen value
+    views: int = 984
+    bins: int = 900
+    radius: float = 100.0
+    inserts: tuple[Insert, ...] = INSERTS
+    edge: Insert = EDGE
+
+    @property
+    def patch(self) -> int:
+        """Side of the patches for noise power, pixels: they tile the middle half of the image."""
+        return min(self.grid.shape) // 4
+
+    def __post_init__(self) -> None:
+        if not self.inserts:
+            raise ValueError("A phantom needs at least one insert to look for.")
+        radius, room = self.edge.diameter / 2, max(map(abs, self.edge.center)) + self.edge.diameter
+        if radius < 4 * self.grid.spacing or room > (min(self.grid.shape) - 1) / 2 * self.grid.spacing:
+            raise ValueError(f"The edge needs a radius of 4 pixels, and as much around it in the image: {self.edge}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhantomTests:
+    """What is measured on phantoms.
+
+    Args:
+        repeats: Scans of each phantom for noise power and sharpness, at least 2; 0 leaves these out.
+        pairs: Scans with and without inserts at each dose, at least 40; 0 leaves detectability out.
+        tube_currents_ma: Tube currents at which inserts are looked for besides 20, 200 and 400 mA.
+        tube_voltage_kvp: Of all scans, kVp.
+        phantoms: The phantoms.
+
+    Raises:
+        ValueError: If a number is out of its range, or inserts would be looked for at fewer than four doses.
+    """
+
+    repeats: int = 8
+    pairs: int = 0
+    tube_currents_ma: tuple[float, ...] = ()
+    tube_voltage_kvp: float = 120.0
+    phantoms: Phantoms = Phantoms()
+
+    def __post_init__(self) -> None:
+        if self.repeats < 2 and self.repeats != 0:
+            raise ValueError(f"Noise power needs two repeats of the phantoms or more, or 0 for none: {self.repeats}.")
+        if self.pairs < LEAST_PAIRS and self.pairs != 0:
+            raise ValueError(f"Detectability needs {LEAST_PAIRS} pairs of scans or more, or 0 for none: {self.pairs}.")
+        if not all(math.isfinite(current) and current > 0 for current in self.tube_currents_ma):
+            raise ValueError(f"Tube currents must be positive, in mA, got {_listed(self.tube_currents_ma)}.")
+        if self.pairs and len(self.doses_ma) < 4:
+            raise ValueError(
+                f"Detectability needs a tube current besides {_listed(FURTHER_MA)} mA, which it adds itself; got "
+                f"{_listed(self.tube_currents_ma) or 'none'}."
+            )
+
+    @property
+    def doses_ma(self) -> tuple[float, ...]:
+        """Tube currents at which inserts are looked for, mA, rising."""
+        return tuple(sorted({*map(float, self.tube_currents_ma), *FURTHER_MA}))
+
+    def exposure(self, inserts: tuple[Insert, ...]) -> Exposure:
+        """Return the exposure of the disc of water with inserts.
+
+        Raises:
+            ValueError: If an insert does not fit into it, or the tube voltage is out of its range.
+        """
+        return _exposure(self.phantoms, inserts, self.tube_voltage_kvp)
+
+    def described(self) -> dict[str, Any]:
+        """Return all that the numbers depend on, as plain values with units in their names."""
+        it = self.phantoms
+        about: dict[str, Any] = {
+            "radius_mm": it.radius,
+            "views": it.views,
+            "bins": it.bins,
+            "rows": it.grid.rows,
+            "cols": it.grid.cols,
+            "spacing_mm": it.grid.spacing,
+            "tube_voltage_kvp": self.tube_voltage_kvp,
+        }
+        if self.repeats:
+            about["noise and sharpness"] = {
+                "edge": _described(it.edge),
+                "tube_current_ma": CURVES_MA,
+                "repeats": self.repeats,
+                "patch_pixels": it.patch,
+            }
+        if self.pairs:
+            about["detectability"] = {
+                "pairs": self.pairs,
+                "tube_currents_ma": list(self.doses_ma),
+                "inserts": {in_words(insert): _described(insert) for insert in it.inserts},
+                "reference": {"kernels": list(REFERENCE_KERNELS), "tube_current_ma": FULL_MA},
+                "eye of NPWE": {"distance_mm": READER.distance, "zoom": READER.zoom, "decay": READER.decay},
+            }
+        return about if self.repeats or self.pairs else {}
+
+
+def in_words(insert: Insert) -> str:
+    """Return an insert as readers see it.
+
+    Example:
+        >>> in_words(Insert(diameter=10.0, contrast_hu=-15.0, center=(0.0, 0.0)))
+        '10 mm, −15 HU'
+    """
+    return f"{insert.diameter:g} mm, {insert.contrast_hu:+g} HU".replace("-", "−")
+
+
+@lru_cache(maxsize=8)  # the same for all methods that one process measures
+def _exposure(phantoms: Phantoms, inserts: tuple[Insert, ...], tube_voltage_kvp: float) -> Exposure:
+    geometry = clinical_fan_beam(views=phantoms.views, bins=phantoms.bins)
     beam = scanner_beam(geometry, tube_voltage_kvp=tube_voltage_kvp)
-    fine = ImageGrid(2 * GRID.rows, 2 * GRID.cols, GRID.spacing / 2)
-    phantom = low_contrast_phantom(fine, inserts=inserts, energy=beam.effective_energy)
+    grid = phantoms.grid
+    fine = ImageGrid(2 * grid.rows, 2 * grid.cols, grid.spacing / 2)
+    phantom = low_contrast_phantom(fine, inserts=inserts, radius=phantoms.radius, energy=beam.effective_energy)
     (moments,) = simulate_moments(phantom, geometry, [beam])
     return as_exposure(moments, geometry, beam)
 
 
-def phantom_curves(
-    candidates: Sequence[Candidate], *, tube_current_ma: float, tube_voltage_kvp: float, repeats: int, seed: int
-) -> Iterator[Curve]:
-    """Yield noise power and transfer of each method.
-
-    Args:
-        candidates: The methods.
-        tube_current_ma: Of the scans, mA.
-        tube_voltage_kvp: Of the scans, kVp.
-        repeats: Scans of each phantom, at least 2; fewer make rougher curves.
-        seed: Of the noise.
-    """
-    water, disc = (phantom_exposure(inserts, tube_voltage_kvp=tube_voltage_kvp) for inserts in ((), (EDGE,)))
-    A = Projector(GRID, water.geometry, mu_water=water.mu_water)
-    scans = [_drawn(exposure, repeats, tube_current_ma, seed + number) for number, exposure in enumerate((water, disc))]
-    for candidate in candidates:
-        name = candidate.method.name
-        images, edges = (candidate.make(scan, A) for scan in scans)
-        middle = slice(GRID.rows // 2 - 64, GRID.rows // 2 + 64)
-        power = noise_power_of_repeats(images[:, middle, middle], spacing=GRID.spacing).radial()
-        where = f"200 mm of water, {tube_current_ma:g} mA, {tube_voltage_kvp:g} kVp"
-        noise = float(images[:, middle, middle].double().std(dim=0).mean()) * 1000
-        summary: dict[str, float | None] = {"mean_frequency_per_mm": power.mean_frequency, "noise_hu": noise}
-        yield Curve("noise-power", name, where, _plain(power.frequencies), _plain(power.power), summary)
-        found = task_transfer(
-            edges, grid=GRID, center=EDGE.center, radius=EDGE.diameter / 2, least_contrast_to_noise=0.0
-        )
-        shown = found.frequencies <= 0.5 / GRID.spacing
-        what = f"disc of {EDGE.contrast_hu:g} HU, {where}".replace("-", "−")
-        summary = {"f50_per_mm": _finite(found.f50), "f10_per_mm": _finite(found.f10)}
-        yield Curve("transfer", name, what, _plain(found.frequencies[shown]), _plain(found.transfer[shown]), summary)
+def _described(insert: Insert) -> dict[str, Any]:
+    values = asdict(insert)
+    return {
+        "diameter_mm": values["diameter"],
+        "contrast_hu": values["contrast_hu"],
+        "center_mm": list(values["center"]),
+    }
 
 
-def phantom_tasks(
-    candidates: Sequence[Candidate],
-    *,
-    tube_currents_ma: Sequence[float],
-    tube_voltage_kvp: float,
-    pairs: int,
-    seed: int,
-) -> Iterator[Task]:
-    """Yield for each method and insert how well it is found against dose, and the dose at which it is found as well.
-
-    The mark is d′ of the first candidate, FBP, at the highest tube current.
-
-    Raises:
-        ValueError: If there are fewer than four tube currents, or too few pairs.
-    """
-    present, absent = (phantom_exposure(inserts, tube_voltage_kvp=tube_voltage_kvp) for inserts in (INSERTS, ()))
-    scans = InsertScans(present, absent, INSERTS, GRID)
-    A = Projector(GRID, present.geometry, mu_water=present.mu_water)
-    full = max(tube_currents_ma)
-    mark: dict[Insert, Interval] = {}
-    for candidate in candidates:
-        found = list(
-            detectability_by_dose(
-                partial(_with_projector, candidate, A),
-                scans,
-                tube_currents_ma=sorted(tube_currents_ma),
-                generator=torch.Generator().manual_seed(seed),
-                pairs=pairs,
-                batch=8,
-            )
-        )
-        curves = dose_curves(found)
-        mark = mark or best_references(curves, full_dose=full)
-        for insert, curve in curves.items():
-            equal = equal_detectability_dose(curve, mark[insert], full_dose=full, generator=np.random.default_rng(seed))
-            share = None if equal.outside else equal.fraction.estimate
-            reference = f"{candidates[0].method.label} at {full:g} mA"
-            yield _task(
-                candidate,
-                "channelised Hotelling",
-                insert,
-                found,
-                DoseShare(reference, share, equal.fraction.low, equal.fraction.high),
-            )
-        if candidate.method.kind in ("fbp", "control"):
-            for insert in INSERTS:
-                yield _task(candidate, "NPWE", insert, found, None)
-
-
-def _task(
-    candidate: Candidate,
-    observer: Literal["channelised Hotelling", "NPWE"],
-    insert: Insert,
-    found: Sequence[InsertDetectability],
-    equal: DoseShare | None,
-) -> Task:
-    points = []
-    for record in found:
-        if record.insert == insert:
-            judged = record.hotelling if observer == "channelised Hotelling" else record.npwe
-            d = judged.d_prime
-            points.append(DosePoint(record.tube_current_ma, d.estimate, d.low, d.high, judged.auc))
-    words = f"{insert.diameter:g} mm, {insert.contrast_hu:+g} HU".replace("-", "−")
-    return Task(candidate.method.name, observer, words, tuple(points), equal)
-
-
-def _with_projector(candidate: Candidate, A: Projector, sinogram: Sinogram) -> Image:
-    return candidate.make(sinogram, A)
-
-
-def _drawn(exposure: Exposure, repeats: int, tube_current_ma: float, seed: int) -> Sinogram:
-    generator = torch.Generator().manual_seed(seed)
-    scans = [exposure.scan(tube_current_ma=tube_current_ma, generator=generator) for _ in range(repeats)]
-    return take_log(replace(scans[0], counts=torch.stack([scan.counts for scan in scans])))
-
-
-def _plain(values: NDArray[np.float64]) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)

@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 import msgspec
 
-from pnpct.evaluation import FeatureChange
+from pnpct.comparison.case_record import Case
+from pnpct.comparison.texture_group import TextureGroup
 from pnpct.files import FileFormatError, Provenance, atomic_path
 
 RESULTS = "metrics.json"
@@ -18,7 +19,7 @@ FORMAT = "pnpct-comparison"
 Verdict = Literal["pass", "fail", "not judged"]
 
 Numbers = Mapping[str, Mapping[str, Mapping[str, float | None]]]
-"""By case, by method (or "reference"), by name of the number; None where it does not exist (infinite, undefined)."""
+"""By case, by method (or what the case has besides), by name of the number; None where it does not exist."""
 
 
 @dataclass(frozen=True)
@@ -36,74 +37,6 @@ class Method:
     label: str
     kind: Literal["fbp", "control", "denoiser", "iterative", "plug-and-play"]
     settings: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class StoredImage:
-    """An image in the folder of the comparison.
-
-    Args:
-        file: Its path from the folder, an image as `pnpct.files.read_image` reads it.
-        sha256: Of its pixels and grid, in hexadecimal: it changes when one pixel does.
-        seconds: What it took to make; None where that means nothing.
-    """
-
-    file: str
-    sha256: str
-    seconds: float | None = None
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Where the pixels of a case are, as `pnpct.geometry.ImageGrid` has it, mm."""
-
-    rows: int
-    cols: int
-    spacing: float
-    center: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Detail:
-    """A square that is shown enlarged: first row, first column and side, pixels.
-
-    It is chosen on the reference, before any result was seen.
-    """
-
-    row: int
-    col: int
-    size: int
-
-
-@dataclass(frozen=True)
-class Case:
-    """One scan, and what became of it.
-
-    Args:
-        name: What it is called in all tables.
-        label: What readers see, say "chest, 40 mA".
-        tube_current_ma: Tube current; None where it is not known.
-        tube_voltage_kvp: Peak tube voltage; None where it is not known.
-        grid: Of all its images.
-        geometry: The scan's geometry in words.
-        details: Squares to enlarge.
-        images: By method; "truth" and "reference" (the scan at high dose, noisy too) where they exist.
-        maps: By method, then by what they show: "t", the score test (no unit, stored as it is), "verifiable_hu",
-            the least contrast that the data can confirm, "missing_hu", and what else was made. Stored like images,
-            but their values are plain numbers in the unit that the name says, not attenuation.
-        seed: Of the noise, None where it is measured.
-    """
-
-    name: str
-    label: str
-    tube_current_ma: float | None
-    tube_voltage_kvp: float | None
-    grid: Grid
-    geometry: str
-    details: tuple[Detail, ...]
-    images: Mapping[str, StoredImage]
-    maps: Mapping[str, Mapping[str, StoredImage]] = field(default_factory=dict)
-    seed: int | None = None
 
 
 @dataclass(frozen=True)
@@ -142,17 +75,22 @@ class DosePoint:
 class DoseShare:
     """The share of the reference's dose at which a method detects as well, 1 being no saving.
 
+    Nothing is read beyond the doses that were measured: an end of the interval that is one of them is a bound.
+
     Args:
         reference: Method and tube current that set the mark, in words.
-        share: The share of its dose; None where it lies outside the measured doses.
+        share: The share of its dose, or the bound that `outside` speaks of; None where it is not known.
         low: Lower end of the 95 % interval; None where it is not known.
         high: Upper end; None where it is not known.
+        outside: "below" if the method detects as well already at the lowest dose that was measured, "above" if it
+            does not even at the highest; None if the share was found between.
     """
 
     reference: str
     share: float | None
     low: float | None
     high: float | None
+    outside: Literal["below", "above"] | None = None
 
 
 @dataclass(frozen=True)
@@ -164,7 +102,7 @@ class Task:
         observer: "channelised Hotelling" decides; "NPWE" rewards blurring and is shown beside the control only.
         lesion: The lesion in words, "10 mm, −15 HU".
         points: By tube current.
-        equal_dose: What it means for dose; None where it was not computed.
+        equal_dose: What it means for dose; None where it could not be computed.
     """
 
     method: str
@@ -172,6 +110,23 @@ class Task:
     lesion: str
     points: tuple[DosePoint, ...]
     equal_dose: DoseShare | None = None
+
+
+@dataclass(frozen=True)
+class LeastReduction:
+    """What a method saves whichever the lesion: the largest share of dose over all lesions.
+
+    Args:
+        method: Whose images.
+        observer: That of the tasks.
+        lesion: The lesion that needs the largest share, in words.
+        equal_dose: That share; its interval is that of the largest over the lesions, not of this lesion alone.
+    """
+
+    method: str
+    observer: Literal["channelised Hotelling", "NPWE"]
+    lesion: str
+    equal_dose: DoseShare
 
 
 @dataclass(frozen=True)
@@ -202,7 +157,7 @@ class Check:
     """One question that honesty asks, and its answer.
 
     Args:
-        name: What is checked: "residual chi-square", "largest score", "prior-off sweep" ...
+        name: What is checked: "residual chi-square", "largest score", "lesion recovery" ...
         case: Where; None if it is about all.
         method: Of what; None if it is about all.
         value: The number; None where it could not be had.
@@ -231,15 +186,18 @@ class Comparison:
         definitions: What numbers mean: the GLCM's definition with its hash, windows, tissue bins, observers.
         methods: In the order in which they are shown; the first is the FBP that others are measured against.
         cases: In the order in which they are shown.
-        fidelity: Errors against the truth (or the reference where there is no truth), by names with units:
-            "rmse_hu", "soft_tissue_rmse_hu", "bias_hu", "psnr" ...
-        texture: GLCM features, their absolute values.
-        texture_change: By method, the change from FBP over all cases, one for each feature.
-        histogram: "emd" on the axis from 0 to 1, "emd_hu", and of the reference "repeat_scan_floor".
+        fidelity: Errors against the truth, by names with units: "rmse_hu", "soft_tissue_rmse_hu", "psnr_40_400" (level
+            and width of its window) ... None of these without truth.
+        texture: GLCM features, their absolute values; "reference" is a scan at 800 mA, "repeat" a second one, and
+            "truth" has no noise.
+        texture_change: By tube current ("40 mA"), the change from FBP over its cases, against the reference.
+        histogram: Distances from the reference, "emd" on the axis from 0 to 1 and "emd_hu"; the same from the truth,
+            "emd_to_truth" and "emd_to_truth_hu"; and of the reference "repeat_scan_floor".
         curves: Noise power and transfer.
         tasks: Detectability against dose.
         lesions: Lesions put into the data.
         checks: Honesty checks.
+        least_reductions: By method, what it saves in all tasks; missing where a task has no equal dose.
     """
 
     provenance: Provenance
@@ -248,12 +206,13 @@ class Comparison:
     cases: tuple[Case, ...]
     fidelity: Numbers = field(default_factory=dict)
     texture: Numbers = field(default_factory=dict)
-    texture_change: Mapping[str, tuple[FeatureChange, ...]] = field(default_factory=dict)
+    texture_change: Mapping[str, TextureGroup] = field(default_factory=dict)
     histogram: Numbers = field(default_factory=dict)
     curves: tuple[Curve, ...] = ()
     tasks: tuple[Task, ...] = ()
     lesions: tuple[LesionResult, ...] = ()
     checks: tuple[Check, ...] = ()
+    least_reductions: tuple[LeastReduction, ...] = ()
 
 
 def write_comparison(folder: Path, comparison: Comparison) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from pnpct.arrays import Image
+from pnpct.comparison.case_record import StoredImage
 from pnpct.comparison.image_hash import image_sha256
-from pnpct.comparison.results import StoredImage
 from pnpct.files import FileFormatError, Provenance, read_image, write_image, write_sidecar
 from pnpct.geometry import ImageGrid
 

@@ -1,8 +1,9 @@
 """The scans that are compared: measured ones, and those that are drawn from the exposures of a data set."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -42,8 +43,8 @@ class Subject:
     def label(self) -> str:
         """What readers see."""
         if self.tube_current_ma is None or self.tube_voltage_kvp is None:
-            return self.patient
-        return f"{self.patient}, {self.tube_current_ma:g} mA, {self.tube_voltage_kvp:g} kVp"
+            return self.file.stem
+        return f"{self.file.stem}, {self.tube_current_ma:g} mA, {self.tube_voltage_kvp:g} kVp"
 
     def load(self) -> "LoadedSubject":
         """Read the scan, or draw it.
@@ -55,18 +56,19 @@ class Subject:
         if self.tube_current_ma is None or self.tube_voltage_kvp is None:
             scan, known = read_scan(self.file), read_truth(self.file)
             truth, grid = known if known else (None, _whole_view(scan, self.size))
-            return LoadedSubject(scan, grid, truth, ())
+            return LoadedSubject(scan, grid, truth, {})
         exposed = read_exposure(self.file, tube_voltage_kvp=self.tube_voltage_kvp)
         if exposed.truth is None or exposed.grid is None:
             raise ValueError(f"{self.file} has no truth that images could be compared with.")
-        # All scans of a patient have one reference, and none the noise of another.
-        own, shared = (np.random.SeedSequence([self.seed, *name.encode()]) for name in (self.name, self.patient))
+        # All scans of a slice have one reference, and none the noise of another.
+        own, shared = (np.random.SeedSequence([self.seed, *name.encode()]) for name in (self.name, self.file.stem))
         seeds = [*own.generate_state(1, np.uint64), *shared.generate_state(2, np.uint64)]
         scans = [
             exposed.exposure.scan(tube_current_ma=current, generator=torch.Generator().manual_seed(int(seed) % 2**63))
             for current, seed in zip((self.tube_current_ma, REFERENCE_MA, REFERENCE_MA), seeds, strict=True)
         ]
-        return LoadedSubject(scans[0], exposed.grid, exposed.truth, tuple(scans[1:]))
+        references = {"reference": scans[1], "repeat": scans[2]}
+        return LoadedSubject(scans[0], exposed.grid, exposed.truth, references)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +79,13 @@ class LoadedSubject:
         scan: The scan.
         grid: Of all images.
         truth: The object; None if it is not known.
-        references: Two scans at the dose of the reference, or none.
+        references: "reference" and "repeat", two scans at the dose of the reference; nothing for a measured scan.
     """
 
     scan: Scan
     grid: ImageGrid
     truth: Image | None
-    references: tuple[Scan, ...]
+    references: Mapping[str, Scan]
 
 
 def subjects_of(
@@ -97,12 +99,14 @@ def subjects_of(
     """
     names = set()
     for file in files:
-        patient = file.stem
-        if patient in names:
-            raise ValueError(f"Two files are called {patient}; tables would not tell them apart.")
-        names.add(patient)
-        if describe_file(file)["format"] == "pnpct-scan":
-            yield Subject(patient, patient, file, None, None, seed, size)
+        name = file.stem
+        if name in names:
+            raise ValueError(f"Two files are called {name}; tables would not tell them apart.")
+        names.add(name)
+        about = describe_file(file)
+        patient = _patient(about["provenance"]["settings"], name)
+        if about["format"] == "pnpct-scan":
+            yield Subject(name, patient, file, None, None, seed, size)
             continue
         if tube_voltage_kvp not in (voltages := tube_voltages(file)):
             there = ", ".join(f"{voltage:g}" for voltage in voltages)
@@ -110,7 +114,15 @@ def subjects_of(
         if not tube_currents_ma:
             raise ValueError(f"{file} holds exposures: give the tube currents of the scans to draw from it.")
         for current in sorted(tube_currents_ma):
-            yield Subject(f"{patient}-{current:g}mA", patient, file, float(current), tube_voltage_kvp, seed, size)
+            yield Subject(f"{name}-{current:g}mA", patient, file, float(current), tube_voltage_kvp, seed, size)
+
+
+def _patient(settings: Mapping[str, Any], name: str) -> str:
+    """Slices of one patient of a data set are not independent; other files are taken for patients of their own."""
+    match settings.get("station"):
+        case {"source": str(source), "patient": int(number)}:
+            return f"{source} {number}"
+    return name
 
 
 def _whole_view(scan: Scan, size: int) -> ImageGrid:

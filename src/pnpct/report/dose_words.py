@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from pnpct.comparison import Comparison, Task
+from pnpct.comparison import Comparison, DoseShare, LeastReduction, Task
 from pnpct.report.images import labels
 from pnpct.report.marked_numbers import Numbers
-from pnpct.report.task_charts import HOTELLING
+from pnpct.report.task_charts import HOTELLING, spelled_share
 from pnpct.report.words import spell_exactly
 
 
@@ -16,33 +16,40 @@ class Claim:
     """All that a sentence about dose needs.
 
     Args:
-        index: The task's place in the comparison.
-        task: The task.
-        reference: Method and tube current that set the mark.
-        share: Share of the reference's dose.
-        high: Upper end of its interval.
-        control: Place of the control's task in the comparison.
-        control_share: The control's share of the same dose.
+        place: Of what the method saves in all tasks, in the comparison.
+        least: That.
+        tasks: What it needs for each lesion, and what the control needs for it.
+        control_place: Of what the control saves in all tasks.
+        control: That.
     """
 
-    index: int
-    task: Task
-    reference: str
-    share: float
-    high: float
-    control: int
-    control_share: float
+    place: int
+    least: LeastReduction
+    tasks: tuple[tuple[DoseShare, DoseShare], ...]
+    control_place: int
+    control: LeastReduction
 
     @property
     def holds(self) -> bool:
-        """Whether less dose is needed, beyond doubt and beyond what blurring does."""
-        return self.high < min(1.0, self.control_share)
+        """Whether less dose is needed for every lesion, beyond doubt and beyond what blurring does."""
+        pairs = (*self.tasks, (self.least.equal_dose, self.control.equal_dose))
+        below_control = all(
+            own.high is not None and control.low is not None and own.high < control.low for own, control in pairs
+        )
+        high = self.least.equal_dose.high
+        return below_control and high is not None and high < 1.0
+
+    @property
+    def costs(self) -> bool:
+        """Whether more dose is needed for some lesion, beyond doubt."""
+        low = self.least.equal_dose.low
+        return low is not None and low > 1.0
 
 
 def dose_statements(comparison: Comparison, numbers: Numbers) -> tuple[Markup, ...]:
-    """Return a sentence for each method: what may be said about dose, for its least favourable lesion.
+    """Return a sentence for each method: what may be said about dose, for all lesions together.
 
-    Only with a task, an observer, the kernel of the reference, an interval and the control does a sentence speak
+    Only with tasks, an observer, the kernel of the reference, an interval and the control does a sentence speak
     of dose reduction; otherwise it says at which tube currents was measured.
     """
     methods = [method.name for method in comparison.methods if method.kind not in ("control", "fbp")]
@@ -50,51 +57,70 @@ def dose_statements(comparison: Comparison, numbers: Numbers) -> tuple[Markup, .
 
 
 def _statement(comparison: Comparison, numbers: Numbers, method: str) -> Markup:
-    tasks = [
-        (index, task)
-        for index, task in enumerate(comparison.tasks)
-        if (task.method, task.observer) == (method, HOTELLING)
-    ]
-    claims = [_claim(comparison, index, task) for index, task in tasks]
-    complete = [claim for claim in claims if claim is not None]
-    label = labels(comparison)[method]
+    tasks = [task for task in comparison.tasks if (task.method, task.observer) == (method, HOTELLING)]
     if not tasks:
         return Markup()
-    if len(complete) < len(tasks):
-        currents = sorted({point.tube_current_ma for _, task in tasks for point in task.points})
+    claim = _claim(comparison, method, tasks)
+    if claim is None:
+        currents = sorted({point.tube_current_ma for task in tasks for point in task.points})
         return Markup(
             "<b>{}</b> was measured at {} mA. Nothing is said about dose: the share, its interval or that of the "
             "control is missing for some lesion."
-        ).format(label, ", ".join(map(spell_exactly, currents)))
-    return _spoken(comparison, numbers, label, max(complete, key=lambda claim: claim.share))
+        ).format(labels(comparison)[method], ", ".join(map(spell_exactly, currents)))
+    return _spoken(comparison, numbers, claim)
 
 
-def _spoken(comparison: Comparison, numbers: Numbers, label: str, claim: Claim) -> Markup:
-    at = "tasks", claim.index, "equal_dose"
-    share, low, high = (numbers(*at, name, scale=100.0) for name in ("share", "low", "high"))
-    of_control = numbers("tasks", claim.control, "equal_dose", "share", scale=100.0)
-    verdict = (
-        "For this task and this observer that is a dose reduction."
-        if claim.holds
-        else "No saving is shown: the interval reaches the whole dose, or what the control reaches by blurring."
-    )
+def _spoken(comparison: Comparison, numbers: Numbers, claim: Claim) -> Markup:
+    names, least = labels(comparison), claim.least
+    if claim.holds:
+        verdict = "For these tasks and this observer that is a dose reduction."
+    elif claim.costs:
+        verdict = "No saving is shown: this lesion takes more dose than with the reference."
+    else:
+        verdict = (
+            "No saving is shown: the interval reaches the whole dose, or for some lesion what the control reaches by "
+            "blurring."
+        )
     return Markup(
-        "<b>{}</b>: to find {}, the least favourable lesion, a {} observer needs {} % (95 % interval {} to {} %) of "
-        "the dose of {}; with the control, {}, it needs {} %. {}"
+        "<b>{}</b>: to find every lesion, the least favourable being {}, a {} observer needs {} % of the dose of {} "
+        "(95 % interval {} to {} %); with the control, {}, it needs {} % (95 % interval {} to {} %). {}"
     ).format(
-        *(label, claim.task.lesion, claim.task.observer, share, low, high, claim.reference),
-        *(labels(comparison)[comparison.tasks[claim.control].method], of_control, verdict),
+        *(names[least.method], least.lesion, least.observer),
+        *_shares(numbers, claim.place, least.equal_dose),
+        names[claim.control.method],
+        *_shares(numbers, claim.control_place, claim.control.equal_dose, reference=False),
+        verdict,
     )
 
 
-def _claim(comparison: Comparison, index: int, task: Task) -> Claim | None:
-    """What a task says about dose, None if anything is missing."""
-    dose = task.equal_dose
-    if dose is None or dose.share is None or dose.low is None or dose.high is None:
+def _shares(numbers: Numbers, place: int, dose: DoseShare, *, reference: bool = True) -> tuple[str, ...]:
+    """The share, what it is a share of, and the ends of its interval."""
+    at = "least_reductions", place, "equal_dose"
+    ends = (numbers(*at, name, scale=100.0) for name in ("low", "high"))
+    return spelled_share(numbers, dose, *at), *((dose.reference,) if reference else ()), *ends
+
+
+def _claim(comparison: Comparison, method: str, tasks: list[Task]) -> Claim | None:
+    """What all tasks of a method say about dose, None if anything is missing."""
+    controls = [each.name for each in comparison.methods if each.kind == "control"]
+    found = {least.method: (n, least) for n, least in enumerate(comparison.least_reductions)}
+    control = next((name for name in controls if name in found), None)
+    if method not in found or control is None:
         return None
-    controls = {method.name for method in comparison.methods if method.kind == "control"}
-    for place, other in enumerate(comparison.tasks):
-        alike = (other.observer, other.lesion) == (task.observer, task.lesion) and other.method in controls
-        if alike and other.equal_dose is not None and other.equal_dose.share is not None:
-            return Claim(index, task, dose.reference, dose.share, dose.high, place, other.equal_dose.share)
-    return None
+    of_control = {
+        task.lesion: task.equal_dose
+        for task in comparison.tasks
+        if (task.method, task.observer) == (control, HOTELLING)
+    }
+    pairs = []
+    for task in tasks:
+        own, other = task.equal_dose, of_control.get(task.lesion)
+        if own is None or other is None or not (_known(own) and _known(other)):
+            return None
+        pairs.append((own, other))
+    claim = Claim(*found[method], tuple(pairs), *found[control])
+    return claim if _known(claim.least.equal_dose) and _known(claim.control.equal_dose) else None
+
+
+def _known(dose: DoseShare) -> bool:
+    return None not in (dose.share, dose.low, dose.high)

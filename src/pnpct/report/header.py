@@ -59,7 +59,7 @@ def lights(comparison: Comparison, of_images: Sequence[Check], numbers: Numbers)
         of = case_labels.get(check.case or "", check.case), names.get(check.method or "", check.method)
         about = ", ".join(filter(None, of)) or "all"
         own = index >= len(comparison.checks)
-        value = NOT_MEASURED if own or check.value is None else numbers("checks", index, "value")
+        value = NOT_MEASURED if own or check.value is None else numbers("checks", index, "value", digits=4)
         found.append(Light(f"check-{index}", check, about, value, _allowed(check, index, numbers)))
     return tuple(sorted(found, key=lambda light: _URGENCY[light.check.verdict]))
 
@@ -81,7 +81,8 @@ def case_table(comparison: Comparison, numbers: Numbers) -> Table:
     """Return what was scanned, and how."""
     heads = (
         *(Head("tube current", "mA"), Head("tube voltage", "kVp"), Head("geometry", words=True)),
-        *(Head("rows"), Head("columns"), Head("pixel", "mm"), Head("seed of the noise")),
+        *(Head("rows"), Head("columns"), Head("pixel", "mm"), Head("disc of the scores", "mm")),
+        Head("seed of the noise"),
     )
     rows = tuple(
         Row(
@@ -90,7 +91,7 @@ def case_table(comparison: Comparison, numbers: Numbers) -> Table:
                 *(numbers.exact("cases", n, name) for name in ("tube_current_ma", "tube_voltage_kvp")),
                 case.geometry,
                 *(numbers.exact("cases", n, "grid", name) for name in ("rows", "cols")),
-                numbers("cases", n, "grid", "spacing", digits=4),
+                *(numbers("cases", n, *keys, digits=4) for keys in (("grid", "spacing"), ("disc_mm",))),
                 "measured" if case.seed is None else numbers.exact("cases", n, "seed"),
             ),
         )
@@ -138,12 +139,20 @@ def _verdict(image: FoundImage) -> Cell:
 
 
 def _allowed(check: Check, index: int, numbers: Numbers) -> Markup:
-    at = "checks", index
+    low, high = (
+        _limit(value, numbers, "checks", index, name) for name, value in (("low", check.low), ("high", check.high))
+    )
     if check.low is not None and check.high is not None:
-        return Markup("{} to {}").format(numbers.exact(*at, "low"), numbers.exact(*at, "high"))
+        return Markup("{} to {}").format(low, high)
     if check.low is not None:
-        return Markup("at least {}").format(numbers.exact(*at, "low"))
-    return NOT_MEASURED if check.high is None else Markup("at most {}").format(numbers.exact(*at, "high"))
+        return Markup("at least {}").format(low)
+    return NOT_MEASURED if check.high is None else Markup("at most {}").format(high)
+
+
+def _limit(value: float | None, numbers: Numbers, *at: str | int) -> Markup:
+    """A limit that somebody has chosen with its own digits, one that was computed with as many as its value has."""
+    chosen = value is not None and float(f"{value:.4g}") == value
+    return numbers.exact(*at) if chosen else numbers(*at, digits=4)
 
 
 def _leaves(values: Mapping[str, Any], *above: str) -> Iterator[tuple[str, ...]]:

@@ -14,8 +14,8 @@ from pnpct.files import read_image
 from pnpct.report.pixels import PackedPixels, pack_hu, pack_map
 from pnpct.units import to_hu
 
-GIVEN = {"reference": "Reference", "truth": "Truth"}
-"""What a case has besides the images of its methods, shown last, and how it is called."""
+GIVEN = {"reference": "Reference", "repeat": "Second reference scan", "truth": "Truth"}
+"""What a case has besides its methods, shown last, and how it is called; of the repeat there are numbers only."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,8 @@ def _find(folder: Path, comparison: Comparison) -> Iterator[FoundImage]:
             yield FoundImage(case.name, method, "", sha256, stored.sha256, packed)
             for shows, of_map in case.maps.get(method, {}).items():
                 values, sha256 = _read(folder, case, of_map)
-                packed = pack_map(np.asarray(values.double()))
+                known = values.double().where(values != 0, torch.nan)  # 0 is where the map has no answer
+                packed = pack_map(np.asarray(known))
                 yield FoundImage(case.name, method, shows, sha256, of_map.sha256, packed)
 
 
@@ -83,7 +84,7 @@ def columns(comparison: Comparison, case: Case) -> list[str]:
 
 
 def labels(comparison: Comparison) -> dict[str, str]:
-    """Return what readers see for each method, the reference and the truth."""
+    """Return what readers see for each method, the reference, its repeat and the truth."""
     return {**{method.name: method.label for method in comparison.methods}, **GIVEN}
 
 

@@ -7,8 +7,8 @@ COLOURS = 8
 
 
 def styles_of(comparison: Comparison) -> dict[str, str]:
-    """Return the classes of each method, of the reference and of the truth."""
+    """Return the classes of each method, of the reference, its repeat and the truth."""
     by_method = {
         method.name: f"c{index % COLOURS} kind-{method.kind}" for index, method in enumerate(comparison.methods)
     }
-    return {**by_method, "reference": "c-reference", "truth": "c-truth"}
+    return {**by_method, "reference": "c-reference", "repeat": "c-reference", "truth": "c-truth"}

@@ -1,7 +1,7 @@
 """Tables of a page."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pnpct.comparison import Comparison
 from pnpct.report.images import labels
@@ -10,6 +10,9 @@ from pnpct.report.words import common_decimals, title_of, unit_of
 
 Cell = str
 """Text, or markup that is written as it is."""
+
+TIME = "Time, beside other work on the same processor"
+"""Cases are compared side by side, so their times are no measurement."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ def case_tables(comparison: Comparison, numbers: Numbers, part: str, styles: Map
         names = dict.fromkeys(name for row in of_case.values() for name in row)
         rows = [_row(numbers, [(part, case.name, method, name) for method in found], name) for name in names]
         if names and part == "fidelity" and any(image.seconds is not None for image in case.images.values()):
-            rows.append(_row(numbers, [("cases", place, "images", method, "seconds") for method in found], "time_s"))
+            paths = [("cases", place, "images", method, "seconds") for method in found]
+            rows.append(replace(_row(numbers, paths, "time_s"), label=TIME))
         if rows:
             heads = tuple(Head(label, style=styles[method]) for method, label in found.items())
             tables.append(Table(case.label, heads, tuple(rows)))

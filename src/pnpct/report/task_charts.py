@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from pnpct.comparison import Comparison, Task
+from markupsafe import Markup
+
+from pnpct.comparison import Comparison, DoseShare, Task
 from pnpct.report.axes import fitted
 from pnpct.report.charts import ACROSS, UP, Line, LineChart, Point
 from pnpct.report.images import labels
@@ -71,20 +73,43 @@ def task_tables(comparison: Comparison, numbers: Numbers, styles: Mapping[str, s
     )
 
 
+def spelled_share(numbers: Numbers, dose: DoseShare, *path: str | int) -> Markup:
+    """Return the share of a dose in percent, or on which side of the measured doses it lies.
+
+    Args:
+        numbers: The numbers of the comparison.
+        dose: The share.
+        path: Where it is among them.
+    """
+    words = {"below": "less than ", "above": "more than ", None: ""}[dose.outside]
+    return Markup("{}{}").format(words, numbers(*path, "share", scale=100.0))
+
+
 def equal_dose_table(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]) -> Table:
-    """Return the shares of the reference's dose at which a lesion is found as well."""
+    """Return the shares of the reference's dose at which a lesion is found as well, and then every lesion."""
     heads = (
         *(Head(title, words=True) for title in ("lesion", "observer", "measured against")),
         *(Head("share of its dose", "%"), Head("95 % from", "%"), Head("to", "%")),
     )
+    shown = {index for group in groups(comparison) for index, _ in group.tasks}
+    found = [
+        *(
+            (task.method, task.lesion, task.observer, task.equal_dose, ("tasks", index))
+            for index, task in enumerate(comparison.tasks)
+            if index in shown
+        ),
+        *(
+            (least.method, "every lesion", least.observer, least.equal_dose, ("least_reductions", index))
+            for index, least in enumerate(comparison.least_reductions)
+        ),
+    ]
     rows = []
-    for index, task in enumerate(comparison.tasks):
-        if task.equal_dose is not None and any((index, task) in group.tasks for group in groups(comparison)):
-            of_dose = tuple(
-                numbers("tasks", index, "equal_dose", name, scale=100.0) for name in ("share", "low", "high")
-            )
-            cells = (task.lesion, task.observer, task.equal_dose.reference, *of_dose)
-            rows.append(Row(labels(comparison).get(task.method, task.method), cells, styles.get(task.method, "")))
+    for method, lesion, observer, dose, place in found:
+        if dose is not None:
+            path = (*place, "equal_dose")
+            ends = (numbers(*path, name, scale=100.0) for name in ("low", "high"))
+            cells = (lesion, observer, dose.reference, spelled_share(numbers, dose, *path), *ends)
+            rows.append(Row(labels(comparison).get(method, method), cells, styles.get(method, "")))
     return Table("Share of the dose at which a lesion is found as well", heads, tuple(rows))
 
 
@@ -117,6 +142,7 @@ def _chart(found: Found, names: Mapping[str, str], numbers: Numbers, styles: Map
                     f"{spell(point.d_prime)} ({spell(point.low)} to {spell(point.high)})",
                 )
                 for point in task.points
+                if point.d_prime > 0  # no logarithm, but its numbers are in the table
             ),
             whence=numbers.attributes("tasks", index),
             dots=True,

@@ -1,10 +1,11 @@
 """Texture and grey values against FBP and the reference, as bars."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from pnpct.comparison import Case, Comparison
+from pnpct.comparison import Case, Comparison, TextureGroup
 from pnpct.evaluation import FeatureChange, TextureChange, oversmoothing_warnings
 from pnpct.evaluation.oversmoothing import overshoots
 from pnpct.report.axes import Axis, fitted
@@ -17,23 +18,36 @@ from pnpct.report.words import spell, title_of
 FLOOR = "repeat_scan_floor"
 
 
-def change_charts(comparison: Comparison, numbers: Numbers) -> tuple[BarChart, ...]:
-    """Return a chart for each feature: the change from FBP by each method, with the reference as a mark."""
-    changes = comparison.texture_change
+@dataclass(frozen=True)
+class ChangeGroup:
+    """The change of texture at one tube current.
+
+    Args:
+        title: Which tube current.
+        patients: How many patients there are.
+        patches: How many patches there are.
+        ranking: Labels of the methods, best first; empty where closeness is known of none.
+        oversmoothed: Which methods are smoother than the reference, and farther from it than FBP: label and features.
+        charts: One for each feature, the reference being a mark.
+        table: All numbers behind them.
+    """
+
+    title: str
+    patients: Markup
+    patches: Markup
+    ranking: tuple[str, ...]
+    oversmoothed: Mapping[str, str]
+    charts: tuple[BarChart, ...]
+    table: Table
+
+
+def change_groups(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]) -> tuple[ChangeGroup, ...]:
+    """Return the change of texture from FBP at each tube current."""
     return tuple(
-        _change_chart({method: of_method[index] for method, of_method in changes.items()}, index, comparison, numbers)
-        for index in range(min(map(len, changes.values()), default=0))
+        _change_group(name, group, comparison, numbers, styles)
+        for name, group in comparison.texture_change.items()
+        if group.changes
     )
-
-
-def oversmoothed(comparison: Comparison) -> dict[str, str]:
-    """Return which methods are smoother than the reference, and farther from it than FBP: label and features."""
-    found = {}
-    for method, changes in comparison.texture_change.items():
-        if oversmoothing_warnings(TextureChange(changes, spec_hash="")):
-            beyond = [change.feature for change in changes if overshoots(change)]
-            found[labels(comparison).get(method, method)] = listed(beyond or ["contrast", "homogeneity"])
-    return found
 
 
 def near_style(closeness: float | None) -> str:
@@ -42,34 +56,53 @@ def near_style(closeness: float | None) -> str:
 
 
 def histogram_charts(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]) -> tuple[BarChart, ...]:
-    """Return a chart for each case: the earth mover's distance of each method, with the repeat-scan floor."""
+    """Return a chart for each case: each method's earth mover's distance from the reference, and that of its repeat."""
     charts = (_histogram_chart(comparison, case, numbers, styles) for case in comparison.cases)
     return tuple(chart for chart in charts if chart is not None)
 
 
-def change_table(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]) -> Table:
-    """Return all numbers behind the charts of changes."""
-    heads = (
-        "feature",
-        "FBP",
-        "method",
-        "reference",
-        "ratio of means",
-        "95 % from",
-        "to",
-        "mean of ratios",
-        "closeness",
+def _change_group(
+    name: str, group: TextureGroup, comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]
+) -> ChangeGroup:
+    names, at = labels(comparison), ("texture_change", name)
+    known = any(change.closeness is not None for changes in group.changes.values() for change in changes)
+    features = range(min(map(len, group.changes.values())))
+    title = f"Measured scans{name.removeprefix('measured')}" if name.startswith("measured") else f"At {name}"
+    return ChangeGroup(
+        title,
+        numbers.exact(*at, "patients"),
+        numbers.exact(*at, "patches"),
+        tuple(names.get(method, method) for method in group.ranking) if known else (),
+        {names.get(method, method): said for method, said in _oversmoothed(group).items()},
+        tuple(_change_chart(name, group, feature, comparison, numbers) for feature in features),
+        _change_table(name, group, comparison, numbers, styles),
     )
-    units = ("", "", "", "", "%", "%", "%", "%", "")
-    words = (True, *(False for _ in units[1:]))
+
+
+def _oversmoothed(group: TextureGroup) -> dict[str, str]:
+    found = {}
+    for method, changes in group.changes.items():
+        if oversmoothing_warnings(TextureChange(changes, group.spec_hash)):
+            beyond = [change.feature for change in changes if overshoots(change)]
+            found[method] = listed(beyond or ["contrast", "homogeneity"])
+    return found
+
+
+def _change_table(
+    name: str, group: TextureGroup, comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]
+) -> Table:
+    heads = (
+        *(Head("feature", words=True), Head("FBP"), Head("method"), Head("reference"), Head("ratio of means", "%")),
+        *(Head("95 % from", "%"), Head("to", "%"), Head("mean of ratios", "%"), Head("closeness")),
+    )
     rows = []
     names = labels(comparison)
-    for method, changes in comparison.texture_change.items():
+    for method, changes in group.changes.items():
         for index, change in enumerate(changes):
-            at = "texture_change", method, index
+            at = "texture_change", name, "changes", method, index
             cells = (
                 title_of(change.feature) + (" †" if change.images_disagree else ""),
-                *(numbers(*at, name) for name in ("fbp", "method", "reference")),
+                *(numbers(*at, value) for value in ("fbp", "method", "reference")),
                 numbers(*at, "ratio_of_means", signed=True),
                 numbers(*at, "interval", "low", signed=True),
                 numbers(*at, "interval", "high", signed=True),
@@ -77,15 +110,14 @@ def change_table(comparison: Comparison, numbers: Numbers, styles: Mapping[str, 
                 numbers(*at, "closeness", digits=2),
             )
             rows.append(Row(names.get(method, method), cells, styles.get(method, "")))
-    return Table("Change of texture from FBP", tuple(map(Head, heads, units, words)), tuple(rows))
+    return Table(f"Change of texture from FBP, {name}", heads, tuple(rows))
 
 
-def _change_chart(
-    changes: Mapping[str, FeatureChange], index: int, comparison: Comparison, numbers: Numbers
-) -> BarChart:
+def _change_chart(name: str, group: TextureGroup, feature: int, comparison: Comparison, numbers: Numbers) -> BarChart:
     """One feature by all methods."""
+    changes = {method: of_method[feature] for method, of_method in group.changes.items()}
     names, axis = labels(comparison), _change_axis(changes)
-    paths = {method: ("texture_change", method, index) for method in changes}
+    paths = {method: ("texture_change", name, "changes", method, feature) for method in changes}
     bars = tuple(
         _change_bar(change, names.get(method, method), axis, row, numbers, paths[method])
         for row, (method, change) in enumerate(changes.items())
@@ -95,14 +127,14 @@ def _change_chart(
     of_reference = _relative(first)
     whence = numbers.attributes(*paths[method], "reference")
     marks = () if of_reference is None else (Mark(axis.at(of_reference), "reference", whence),)
-    return BarChart(title_of(first.feature), f"Change from FBP: {says}.", axis, bars, marks)
+    return BarChart(title_of(first.feature), f"{name}, change from FBP: {says}.", axis, bars, marks)
 
 
 def _histogram_chart(
     comparison: Comparison, case: Case, numbers: Numbers, styles: Mapping[str, str]
 ) -> BarChart | None:
     of_case = comparison.histogram.get(case.name, {})
-    names = labels(comparison)
+    names = {method.name: method.label for method in comparison.methods}
     found = {m: value for m in names if (value := of_case.get(m, {}).get("emd")) is not None}
     if not found:
         return None

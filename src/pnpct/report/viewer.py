@@ -18,8 +18,11 @@ PRESETS = (
 )
 """Windows that a reader may choose: name, level and width in HU."""
 
-MAPS = {"t": "Score t", "verifiable_hu": "Verifiable contrast, HU", "missing_hu": "Missing contrast, HU"}
+MAPS = {"t": "Score t", "verifiable_hu": "Verifiable contrast, HU", "difference_hu": "Change by the prior, HU"}
 """How usual maps are called; others by their names."""
+
+ENDS = {"t": 8.0}
+"""Where the colours of a map end whatever its numbers are; those of others end at the largest number of the case."""
 
 
 def viewer_data(
@@ -62,7 +65,7 @@ def _case(case: Case, order: Sequence[str], images: Sequence[FoundImage]) -> dic
         if image.case == case.name:
             pixels = {"pixels": pixel_id(image), "step": image.packed.step, "changed": image.changed}
             if image.shows:
-                stored[image.method]["maps"][image.shows] = pixels
+                stored[image.method]["maps"][image.shows] = {**pixels, "side": image.packed.side}
             else:
                 stored[image.method].update(pixels)
     return {
@@ -75,4 +78,17 @@ def _case(case: Case, order: Sequence[str], images: Sequence[FoundImage]) -> dic
         "details": [[detail.row, detail.col, detail.size] for detail in case.details],
         "order": list(order),
         "images": stored,
+        "scales": _scales([image for image in images if image.case == case.name and image.shows]),
     }
+
+
+def _scales(maps: Sequence[FoundImage]) -> dict[str, dict[str, Any]]:
+    """One scale for all maps of a case that show the same, so that a colour means one number on every image."""
+    scales = {}
+    for shows in dict.fromkeys(each.shows for each in maps):
+        alike = [each.packed for each in maps if each.shows == shows]
+        low, high = min(each.low for each in alike), max(each.high for each in alike)
+        largest = max(-low, high)
+        end = ENDS.get(shows, largest or 1.0)
+        scales[shows] = {"signed": shows in ENDS or low < 0, "largest": end, "beyond": largest > end}
+    return scales

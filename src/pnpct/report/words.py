@@ -5,20 +5,35 @@ import re
 from collections.abc import Iterable
 
 _UNITS = {"hu": "HU", "db": "dB", "mm": "mm", "ma": "mA", "kvp": "kVp", "s": "s", "percent": "%"}
-_CAPITALS = {"rmse", "psnr", "ssim", "emd", "asm", "fbp", "hu", "nps", "ttf", "glcm", "sha256", "ldctbench", "lodopab"}
+_CAPITALS = {
+    "rmse",
+    "psnr",
+    "ssim",
+    "emd",
+    "asm",
+    "fbp",
+    "hu",
+    "nps",
+    "ttf",
+    "glcm",
+    "sha256",
+    "ldctbench",
+    "lodopab",
+    "fr",
+}
 _SPELLED = {"ldctbench": "ldct-bench", "lodopab": "LoDoPaB", "sha256": "SHA-256"}
 
 
 def title_of(name: str) -> str:
-    """Turn a name like soft_tissue_rmse_hu into words, without its unit.
+    """Turn a name like soft_tissue_rmse_hu into words, without its unit; two numbers at its end are a window.
 
     Example:
-        >>> title_of("soft_tissue_rmse_hu"), unit_of("soft_tissue_rmse_hu"), title_of("f50_per_mm")
-        ('Soft tissue RMSE', 'HU', 'F50')
+        >>> title_of("soft_tissue_rmse_hu"), unit_of("soft_tissue_rmse_hu"), title_of("psnr_40_400")
+        ('Soft tissue RMSE', 'HU', 'PSNR, window 40/400')
     """
     words = re.split(r"[_\s-]+", _without_unit(name)[0])
     spelled = [_SPELLED.get(word, word.upper() if word in _CAPITALS else word) for word in words]
-    text = " ".join(spelled)
+    text = re.sub(r" (\d+) (\d+)$", r", window \1/\2", " ".join(spelled))
     return text[:1].upper() + text[1:]
 
 

@@ -2,6 +2,7 @@
 
 const HU_OFFSET = 32768;
 const DIFFERENCE_HU = 100;
+const NOTHING = -32768; // in a map: nothing is known there
 
 function rgb(red, green, blue) {
   return ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0; // canvases are little-endian RGBA
@@ -35,17 +36,6 @@ function blend(stops, steps) {
 const DIVERGING = blend([[5, 48, 97], [67, 147, 195], [247, 247, 247], [214, 96, 77], [103, 0, 31]], 201);
 // Dark blue to yellow, of growing lightness (after viridis).
 const SEQUENTIAL = blend([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], 256);
-
-// Whether a map has values on both sides of 0, and its largest absolute value.
-function rangeOf(values, step) {
-  let low = 0;
-  let high = 0;
-  for (const value of values) {
-    if (value < low) low = value;
-    if (value > high) high = value;
-  }
-  return { signed: low < 0, largest: Math.max(-low, high) * step || 1 };
-}
 
 // One canvas row that shows a table.
 function drawScale(canvas, table) {

@@ -66,11 +66,12 @@ function showControls() {
 
 // What grey or colour means: that of the overlay where there is one.
 function showScale() {
-  const map = scene.case.order.map((name) => mapOf(name)).find(Boolean);
-  if (state.overlay && map) {
-    drawScale(byId("scale"), map.signed ? DIVERGING : SEQUENTIAL);
-    const shown = Number(map.largest.toPrecision(3));
-    return scaleText(map.signed ? `−${shown}` : "0", `${shown} (${state.overlay.replaceAll("_", " ")})`);
+  const scale = scene.case.scales[state.overlay];
+  if (scale && scene.case.order.some((name) => mapOf(name))) {
+    drawScale(byId("scale"), scale.signed ? DIVERGING : SEQUENTIAL);
+    const shown = Number(scale.largest.toPrecision(3));
+    const end = scale.beyond ? `${shown} and more` : shown;
+    return scaleText(scale.signed ? `−${end}` : "0", `${end} (${state.overlay.replaceAll("_", " ")})`);
   }
   if (state.mode !== "image") {
     drawScale(byId("scale"), DIVERGING);

@@ -43,8 +43,6 @@ function drawDetail(canvas) {
   const context = canvas.getContext("2d");
   const picture = pictureOf(canvas.dataset.method);
   context.imageSmoothingQuality = "high";
-  for (const source of picture.covered ? [picture.canvas, picture.cover] : [picture.canvas]) {
-    context.globalAlpha = source === picture.cover ? 0.6 : 1;
-    context.drawImage(source, col, row, size, size, 0, 0, side, side);
-  }
+  context.drawImage(picture.canvas, col, row, size, size, 0, 0, side, side);
+  if (picture.covered) drawCover(context, canvas.dataset.method, [col, row, size, size], [0, 0, side, side]);
 }

@@ -53,7 +53,7 @@ function dragLine(canvas, start) {
   const fixed = taken < 0 ? pixelAt(place) : state.line[1 - taken];
   return (event) => {
     const moved = pixelAt(placeIn(canvas, event));
-    update({ line: taken === 0 ? [moved, fixed] : [fixed, moved] });
+    update({ line: taken === 0 ? [moved, fixed] : [fixed, moved], drawn: true });
   };
 }
 

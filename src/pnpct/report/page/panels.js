@@ -57,6 +57,12 @@ function huText(name) {
   return `${signedText(scene.images[name][indexOf(state.cursor)])} HU`;
 }
 
+function mapText({ values, step, cols, side }) {
+  const [col, row] = state.cursor.map((at) => Math.floor(at / side));
+  const value = values[row * cols + col];
+  return value === NOTHING ? "not known" : signedText(value * step, Math.max(0, -Math.round(Math.log10(step))));
+}
+
 // HU under the crosshair, and what the difference or the overlay is there.
 function readoutOf(name) {
   const index = indexOf(state.cursor);
@@ -66,6 +72,6 @@ function readoutOf(name) {
     texts.push(`Δ ${difference > 0 ? "+" : ""}${signedText(difference)}`);
   }
   const map = state.overlay && mapOf(name);
-  if (map) texts.push(signedText(map.values[index] * map.step, Math.max(0, -Math.round(Math.log10(map.step)))));
+  if (map) texts.push(mapText(map));
   return texts.join(" · ");
 }

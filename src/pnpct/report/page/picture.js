@@ -18,7 +18,7 @@ class Picture {
     }
     const map = overlay && mapOf(this.name);
     const wanted = map ? `${scene.case.name}|${overlay}` : "";
-    if (wanted && wanted !== this.covered) fill(this.cover, mapColours(map));
+    if (wanted && wanted !== this.covered) fill(this.cover, mapColours(map, scene.case.scales[overlay]), map.rows, map.cols);
     this.covered = wanted;
   }
 
@@ -42,19 +42,20 @@ function windowTable() {
   return table;
 }
 
-function fill(canvas, colourOf) {
-  const { rows, cols } = scene.case;
+function fill(canvas, colourOf, rows = scene.case.rows, cols = scene.case.cols) {
   [canvas.width, canvas.height] = [cols, rows];
   const colours = new Uint32Array(rows * cols);
   for (let i = 0; i < colours.length; i++) colours[i] = colourOf(i);
   canvas.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(colours.buffer), cols, rows), 0, 0);
 }
 
-// A signed map fades out towards 0, so that the image is seen where nothing is amiss.
-function mapColours({ values, step, signed, largest }) {
+// All maps of a case have one scale. A signed map fades out towards 0, so that the image is seen where nothing is amiss;
+// where nothing is known no map covers it.
+function mapColours({ values, step }, { signed, largest }) {
   return (index) => {
-    const share = (values[index] * step) / largest;
-    if (!signed) return SEQUENTIAL[Math.round(255 * share)];
+    if (values[index] === NOTHING) return 0;
+    const share = between(-1, (values[index] * step) / largest, 1);
+    if (!signed) return SEQUENTIAL[Math.round(255 * Math.max(0, share))];
     const alpha = Math.round(255 * Math.min(1, 1.2 * Math.abs(share)));
     return ((DIVERGING[Math.round(100 * share) + 100] & 0xffffff) | (alpha << 24)) >>> 0;
   };
@@ -99,11 +100,18 @@ function drawPicture(canvas, name, from = 0, to = 1) {
   context.translate(-state.middle[0], -state.middle[1]);
   context.drawImage(picture.canvas, 0, 0);
   if (picture.covered) {
-    context.globalAlpha = 0.6;
-    context.drawImage(picture.cover, 0, 0);
+    drawCover(context, name, [0, 0, scene.case.cols, scene.case.rows], [0, 0, scene.case.cols, scene.case.rows]);
   }
   context.restore();
   return scale;
+}
+
+// A part of the map over an image, left, top, width and height in the image's pixels, to a place on a canvas.
+function drawCover(context, name, part, place) {
+  const { side } = mapOf(name);
+  context.globalAlpha = 0.6;
+  context.drawImage(pictureOf(name).cover, ...part.map((value) => value / side), ...place);
+  context.globalAlpha = 1;
 }
 
 // From a pointer to columns and rows, fractions included.

@@ -1,4 +1,4 @@
-// From text to pixels: base64, inflate, join the planes of bytes, undo the differences along the rows.
+// From text to pixels: base64, inflate, join the planes of bytes, add what the neighbours foretell.
 
 const unpacked = new Map(); // by the name of the element, promises of Int16Arrays
 
@@ -18,12 +18,13 @@ function joined(planes, rows, cols) {
   const size = rows * cols;
   const pixels = new Int16Array(size);
   for (let row = 0, i = 0; row < rows; row++) {
-    let value = 0;
     for (let col = 0; col < cols; col++, i++) {
+      const left = col ? pixels[i - 1] : 0;
+      const above = row ? pixels[i - cols] : 0;
+      const gradient = left + above - (row && col ? pixels[i - cols - 1] : 0);
+      const foretold = left < above ? between(left, gradient, above) : between(above, gradient, left);
       const folded = planes[i] | (planes[size + i] << 8);
-      value += (folded >>> 1) ^ -(folded & 1); // the sign is in the lowest bit
-      pixels[i] = value; // wraps to 16 bits, as the differences did
-      value = pixels[i];
+      pixels[i] = foretold + ((folded >>> 1) ^ -(folded & 1)); // the sign is in the lowest bit; wraps to 16 bits
     }
   }
   return pixels;

@@ -84,7 +84,7 @@ function setUpProfile() {
         if (!scene || !Number.isFinite(target.valueAsNumber)) return;
         const line = state.line.map((end) => [...end]);
         line[i][k] = between(0, Math.round(target.valueAsNumber), Number(target.max));
-        update({ line });
+        update({ line, drawn: true });
       });
     }
   }

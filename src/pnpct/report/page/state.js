@@ -16,6 +16,7 @@ const state = {
   cursor: null, // column and row
   marks: true, // boxes of details and the line
   line: [[0, 0], [0, 0]], // columns and rows of the ends of the profile
+  drawn: false, // whether the reader has set the line: then another case of the same size keeps it
   pair: { a: "", b: "", mode: "swipe", share: 0.5, flipped: false },
 };
 
@@ -91,7 +92,8 @@ async function showCase(number) {
   scene = { case: chosen, images, maps: {} };
   if (!same) update({ zoom: 1, middle: [chosen.cols / 2, chosen.rows / 2], cursor: null });
   if (state.mode !== "image" && !images[state.mode]) state.mode = "image";
-  update({ case: number, line: firstLine(chosen) });
+  const keep = same && state.drawn;
+  update({ case: number, drawn: keep, line: keep ? state.line : firstLine(chosen) });
   await loadMaps();
   document.documentElement.dataset.ready = chosen.name;
 }
@@ -103,8 +105,8 @@ async function loadMaps() {
   for (const name of shown.order) {
     const map = shown.images[name].maps[state.overlay];
     if (map && !maps[map.pixels]) {
-      const values = await pixelsOf(map.pixels, shown.rows, shown.cols);
-      maps[map.pixels] = { values, step: map.step, ...rangeOf(values, map.step) };
+      const [rows, cols] = [shown.rows, shown.cols].map((size) => Math.ceil(size / map.side));
+      maps[map.pixels] = { ...map, rows, cols, values: await pixelsOf(map.pixels, rows, cols) };
     }
   }
   if (current === scene) update({});
