@@ -7,9 +7,10 @@ import matplotlib.pyplot as plt
 
 HERE = Path(__file__).parent
 LOGS = HERE.parents[1] / "runs" / "weights"
+ROUNDS = ("first", "second", "third", "fourth", "fifth")
 CHAINS = {
-    "two-stage": ("first", "second", "n2n"),
-    "supervised": ("first-supervised", "second-supervised", "supervised"),
+    "two-stage": (*ROUNDS, "n2n"),
+    "supervised": (*(f"{name}-supervised" for name in ROUNDS), "supervised"),
 }
 LINE = re.compile(r"^(?P<stage>[a-z-]+) \d+: loss (?P<loss>\S+), fbp (?P<fbp>\S+), loop (?P<loop>\S+)$")
 
@@ -24,15 +25,15 @@ def main() -> None:
         numbers = range(1, len(epochs) + 1)
         for key, label in (("fbp", "from FBP"), ("loop", "from the loop of ADMM")):
             panel.plot(numbers, [float(match[key]) for match in epochs], label=label)
-        for number in numbers[1:]:
-            if epochs[number - 1]["stage"] != epochs[number - 2]["stage"]:
-                panel.axvline(number - 0.5, color="0.7", linewidth=1)
-                panel.text(number - 0.3, 66, epochs[number - 1]["stage"], rotation=90, fontsize=8, va="top")
+        noisy = [number for number, epoch in zip(numbers, epochs, strict=True) if epoch["stage"] == "noise-to-noise"]
+        for number in noisy:
+            label = "noise to noise" if number == noisy[0] else None
+            panel.axvspan(number - 0.5, number + 0.5, color="0.85", linewidth=0, label=label)
         done = 0
         for name in names[:-1]:
             done += sum(1 for line in (LOGS / f"{name}.log").read_text().splitlines() if LINE.match(line))
             panel.axvline(done + 0.5, color="0.4", linestyle=":", linewidth=1)
-        panel.set(title=title, xlabel="epoch", ylim=(40, 75))
+        panel.set(title=title, xlabel="epoch", ylim=(40, 65))
         panel.legend(loc="upper right", fontsize=8)
     axes[0].set_ylabel("difference from the reference, HU RMS")
     figure.savefig(HERE / "training.png", dpi=110)
