@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -29,7 +28,7 @@ from pnpct.evaluation import (
 )
 from pnpct.files import atomic_path
 from pnpct.operators import Kernel, Projector
-from pnpct.operators.processes import worker_processes
+from pnpct.operators.processes import side_by_side
 from pnpct.physics import Exposure, Sinogram, take_log
 
 FOLDER = "phantoms"
@@ -134,13 +133,8 @@ def measure_phantoms(folder: Path, jobs: Sequence[PhantomJob], *, processes: int
     if min(processes, len(left)) <= 1:
         yield from (_measure(folder, job) for job in left)
         return
-    with worker_processes(min(processes, len(left))) as pool:
-        begun = [pool.submit(_measure, folder, job) for job in left]
-        try:
-            for one in as_completed(begun):
-                yield one.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+    calls = [(folder, job) for job in left]
+    yield from side_by_side(_measure, calls, processes=min(processes, len(left)))
 
 
 def _kept(path: Path, job: PhantomJob) -> PhantomRecord | None:

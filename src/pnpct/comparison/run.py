@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from pnpct.evaluation.consistency import CORRELATED, OBJECT
 from pnpct.evaluation.texture_change import LEAST_CASES
 from pnpct.evaluation.tissue_errors import TISSUES
 from pnpct.files import Provenance
-from pnpct.operators.processes import worker_processes
+from pnpct.operators.processes import side_by_side
 
 
 def compare_cases(
@@ -46,13 +45,7 @@ def compare_cases(
     if processes == 1:
         yield from (compare_case(folder, subject, plan) for subject in subjects)
         return
-    with worker_processes(processes) as pool:
-        jobs = [pool.submit(compare_case, folder, subject, plan) for subject in subjects]
-        try:
-            for job in as_completed(jobs):
-                yield job.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+    yield from side_by_side(compare_case, [(folder, subject, plan) for subject in subjects], processes=processes)
 
 
 def summarise(

@@ -3,12 +3,16 @@
 import multiprocessing
 import os
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
+from typing import Any, TypeVar
 
 import torch
+
+Result = TypeVar("Result")
 
 
 @contextmanager
@@ -32,6 +36,33 @@ def worker_processes(processes: int) -> Iterator[ProcessPoolExecutor]:
             del os.environ["MKL_CBWR"]
         else:
             os.environ["MKL_CBWR"] = before
+
+
+def side_by_side(
+    function: Callable[..., Result], calls: Sequence[tuple[Any, ...]], *, processes: int
+) -> Iterator[Result]:
+    """Yield what a function returns for each of several arguments, in the order in which they are done.
+
+    Args:
+        function: Of a module, since it is named to other processes.
+        calls: Its arguments, one tuple for each call.
+        processes: Calls at the same time, at least 1.
+
+    Raises:
+        OSError: If a process dies.
+    """
+    with worker_processes(processes) as pool:
+        jobs = [pool.submit(function, *call) for call in calls]
+        try:
+            for job in as_completed(jobs):
+                yield job.result()
+        except BrokenProcessPool as error:
+            raise OSError(
+                "A process has died: for want of memory, then start again with fewer processes; or because a script "
+                'has no `if __name__ == "__main__":`.'
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _begin_work(threads: int) -> None:

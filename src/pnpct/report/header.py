@@ -22,16 +22,23 @@ class Light:
     Args:
         place: A name for it on the page.
         check: The check.
-        about: Case and method in words.
+        case: Of which case, in words; empty if of none.
+        method: Of which method, in words; empty if of none.
         value: Its number for readers.
         allowed: What passes, for readers.
     """
 
     place: str
     check: Check
-    about: str
+    case: str
+    method: str
     value: Markup
     allowed: Markup
+
+    @property
+    def about(self) -> str:
+        """Case and method in words."""
+        return ", ".join(filter(None, (self.case, self.method))) or "all"
 
     @property
     def mark(self) -> str:
@@ -56,11 +63,10 @@ def lights(comparison: Comparison, of_images: Sequence[Check], numbers: Numbers)
     case_labels = {case.name: case.label for case in comparison.cases}
     found = []
     for index, check in enumerate([*comparison.checks, *of_images]):
-        of = case_labels.get(check.case or "", check.case), names.get(check.method or "", check.method)
-        about = ", ".join(filter(None, of)) or "all"
+        case, method = case_labels.get(check.case or "", check.case), names.get(check.method or "", check.method)
         own = index >= len(comparison.checks)
         value = NOT_MEASURED if own or check.value is None else numbers("checks", index, "value", digits=4)
-        found.append(Light(f"check-{index}", check, about, value, _allowed(check, index, numbers)))
+        found.append(Light(f"check-{index}", check, case or "", method or "", value, _allowed(check, index, numbers)))
     return tuple(sorted(found, key=lambda light: _URGENCY[light.check.verdict]))
 
 
@@ -70,6 +76,15 @@ def by_name(all_lights: Sequence[Light]) -> dict[str, list[Light]]:
     for light in all_lights:
         groups.setdefault(light.check.name, []).append(light)
     return groups
+
+
+def failures(all_lights: Sequence[Light]) -> dict[str, list[list[Light]]]:
+    """Sort lights that failed by what is checked, and then by method, whose cases stand together."""
+    groups: dict[str, dict[str, list[Light]]] = {}
+    for light in all_lights:
+        if light.check.verdict == "fail":
+            groups.setdefault(light.check.name, {}).setdefault(light.method, []).append(light)
+    return {name: list(by_method.values()) for name, by_method in groups.items()}
 
 
 def counted(all_lights: Sequence[Light]) -> dict[str, int]:

@@ -86,6 +86,7 @@ def _content(comparison: Comparison, images: tuple[FoundImage, ...], window: tup
         "script_hash": _hash(script),
         "lights": all_lights,
         "lights_by_name": header.by_name(all_lights),
+        "failures": header.failures(all_lights),
         "counts": header.counted(all_lights),
         "case_table": header.case_table(comparison, numbers),
         "method_table": header.method_table(*given),

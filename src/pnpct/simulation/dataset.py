@@ -5,8 +5,6 @@ Noise, tube current and tube voltage are not fixed in it: scans are drawn from t
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -26,7 +24,7 @@ from pnpct.files import (
     write_manifest,
 )
 from pnpct.geometry import FanBeam, ImageGrid
-from pnpct.operators.processes import worker_processes
+from pnpct.operators.processes import side_by_side
 from pnpct.physics import Moments
 from pnpct.simulation.beam import scanner_beam
 from pnpct.simulation.catsim import catsim_moments, cone_slices
@@ -72,22 +70,12 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
     # Before any file of a scan, so that no other recipe takes it for its own.
     write_manifest(folder, Manifest(settings, list(done.values())))
     yield from done.values()
-    with worker_processes(processes) as pool:
-        jobs = [pool.submit(_scan, folder, recipe, station) for station in stations if station.name not in done]
-        try:
-            for job in as_completed(jobs):
-                scanned = job.result()
-                done[scanned.name] = scanned
-                listed = [done[station.name] for station in stations if station.name in done]
-                write_manifest(folder, Manifest(settings, listed))
-                yield scanned
-        except BrokenProcessPool as error:
-            raise OSError(
-                "A process that made scans has died: for want of memory, then start again with fewer processes; or "
-                'because a script has no `if __name__ == "__main__":`.'
-            ) from error
-        finally:
-            pool.shutdown(cancel_futures=True)
+    calls = [(folder, recipe, station) for station in stations if station.name not in done]
+    for scanned in side_by_side(_scan, calls, processes=processes):
+        done[scanned.name] = scanned
+        listed = [done[station.name] for station in stations if station.name in done]
+        write_manifest(folder, Manifest(settings, listed))
+        yield scanned
 
 
 def _heights(recipe: Recipe, source: Source, station: Station) -> tuple[float, ...]:
