@@ -23,8 +23,7 @@ PICTURES = {
     "report-top": ("light", 1280, 900, "#top"),
     "report-images": ("dark", 1280, 1150, "#images"),
     "report-texture": ("light", 1280, 900, "#texture"),
-    "report-dose": ("light", 1280, 900, "#tasks"),
-    "report-phone": ("dark", 390, 840, "#images"),
+    "report-lesions": ("light", 1280, 560, "#lesions"),
 }
 """Colours, width and height of the window in dots, and what is at its top."""
 
