@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from PIL import Image as Picture
 from playwright.sync_api import sync_playwright
 
 from pnpct.report import write_report
@@ -46,6 +47,8 @@ def _take(page: Any, path: Path, scheme: str, width: int, height: int, place: st
     page.evaluate("(place) => document.querySelector(place).scrollIntoView({ behavior: 'instant' })", place)
     page.wait_for_timeout(500)  # until what came into view is drawn
     page.screenshot(path=path)
+    with Picture.open(path) as picture:  # a palette is enough, and a third of the bytes
+        picture.convert("RGB").quantize(128, dither=Picture.Dither.NONE).save(path, optimize=True)
 
 
 def main() -> None:

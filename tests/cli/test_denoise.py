@@ -68,7 +68,7 @@ def test_a_network_does_what_it_does_in_python(told, run, made, tmp_path):
     assert (expected - image).abs().max() > 1e-3
     settings = said_of(out).settings
     assert settings["denoiser_sha256"] == sha256_of(path)
-    assert settings["strength"] == (30 if told else None)
+    assert settings["strength"] == (30 if told else 1)
 
 
 def test_slices_of_nifti_are_denoised_each_and_keep_their_distance(run, tmp_path, generator):
@@ -91,7 +91,7 @@ def test_reconstruct_takes_a_network(run, made, tmp_path):
     assert (status, err) == (0, "")
     settings = said_of(out).settings
     assert (settings["denoiser"], settings["denoiser_sha256"]) == (str(path), sha256_of(path))
-    assert settings["strength"] is None
+    assert settings["strength"] == 1  # once
     with_network, _ = read_image(out)
     assert run("reconstruct", made / "scan.h5", out, "--iterations", "2")[0] == 0
     assert (read_image(out)[0] - with_network).abs().max() > 1e-3
@@ -105,6 +105,14 @@ def test_a_network_of_the_package_goes_by_its_name(run, made, tmp_path, monkeypa
         assert run("denoise", made / "image.h5", out, "--denoiser", denoiser)[0] == 0
     by_name, by_path = (read_image(out)[0] for out in outs.values())
     torch.testing.assert_close(by_name, by_path, rtol=0, atol=1e-6)
+
+
+def test_a_network_can_be_applied_twice(run, made, tmp_path):
+    path, out = save(tmp_path / "net.safetensors", RDNCBAM(TINY)), tmp_path / "out.h5"
+    assert run("denoise", made / "image.h5", out, "--denoiser", path, "--strength", "2")[0] == 0
+    once = load_denoiser(path)
+    image, _ = read_image(made / "image.h5")
+    torch.testing.assert_close(read_image(out)[0], once(once(image)), rtol=0, atol=1e-6)
 
 
 def test_the_help_of_both_commands_says_that_a_file_will_do(run):
@@ -140,7 +148,7 @@ MISTAKES = [
     Case("a newer version", NETWORK, "version 99 update pnpct", with_network(RDNCBAM(TINY), format_version=99)),
     Case("no noise level", NETWORK, "give --strength HU", with_network(RDNCBAM(TINY, noise_input=True))),
     Case("no noise level for pnp", PNP, "give --strength HU", with_network(RDNCBAM(TINY, noise_input=True))),
-    Case("a useless strength", NETWORK + " --strength 30", "--strength no effect", with_network(RDNCBAM(TINY))),
+    Case("too many passes", NETWORK + " --strength 30", "1 to 4 times 30", with_network(RDNCBAM(TINY))),
     Case(
         "a negative noise level", NETWORK + " --strength -3", "0 up -3", with_network(RDNCBAM(TINY, noise_input=True))
     ),

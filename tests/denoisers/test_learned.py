@@ -104,3 +104,17 @@ def test_noise_levels_that_cannot_be_are_refused() -> None:
 def test_a_batch_of_no_slices_is_refused() -> None:
     with pytest.raises(ValueError, match="At least one slice"):
         as_denoiser(awake(), batch=0)
+
+
+def test_two_passes_apply_the_network_twice_and_between_is_the_mean(images: torch.Tensor) -> None:
+    network = awake()
+    once, between, twice, thrice = (as_denoiser(network, passes=passes) for passes in (1.0, 1.5, 2.0, 3.0))
+    torch.testing.assert_close(twice(images), once(once(images)), rtol=0, atol=1e-6)
+    torch.testing.assert_close(thrice(images), once(twice(images)), rtol=0, atol=1e-6)
+    torch.testing.assert_close(between(images), (once(images) + twice(images)) / 2, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("passes", [0.5, 4.5, math.nan])
+def test_impossible_passes_are_refused(passes: float) -> None:
+    with pytest.raises(ValueError, match="1 to 4 times"):
+        as_denoiser(awake(), passes=passes)

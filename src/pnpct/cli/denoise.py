@@ -27,7 +27,7 @@ class Denoise:
         denoised: Where the result shall be: .h5 to go on with, .nii or .nii.gz (HU) for viewers, .png to look at.
         denoiser: The denoiser: a classical one, or the file of a trained network.
         strength: How much it smooths; in HU times pixels for tv, HU of noise for nonlocal-means and for networks that
-            are told the noise level, pixels for gaussian. Other networks take none.
+            are told the noise level, pixels for gaussian. Other networks are applied so many times, 1 to 4.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 

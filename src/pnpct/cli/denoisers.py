@@ -26,13 +26,14 @@ def choose_denoiser(name: str, strength: float | None, *, device: torch.device) 
 
     Args:
         name: One of `DENOISERS`, a trained network that comes with the package, or a .safetensors file.
-        strength: Its strength, that of `STRENGTHS` if None; HU of noise for networks that are told the noise level.
+        strength: Its strength, that of `STRENGTHS` if None; HU of noise for networks that are told the noise level, and
+            for the others how often they are applied, once if None.
         device: Where a network computes.
 
     Raises:
         OSError: If a network cannot be read.
-        ValueError: If there is no such denoiser, the strength is out of its range, or a network is given one that it
-            has no use for, or lacks one.
+        ValueError: If there is no such denoiser, the strength is out of its range, or a network that is told the noise
+            level lacks one.
     """
     if name in DENOISERS:
         strength = checked_strength(STRENGTHS[name] if strength is None else strength)
@@ -42,13 +43,14 @@ def choose_denoiser(name: str, strength: float | None, *, device: torch.device) 
         raise ValueError(f'There is no denoiser "{name}"; there are {there}, and .safetensors files of networks.')
     path = network_file(name)
     network = load_network(path).to(device)
-    if is_told_noise_level(network) and strength is None:
+    settings = {"denoiser": name, "denoiser_sha256": sha256_of(path)}
+    if not is_told_noise_level(network):
+        passes = 1.0 if strength is None else strength
+        return as_denoiser(network, passes=passes), {**settings, "strength": passes}
+    if strength is None:
         raise ValueError(f"{name} is told how noisy the image is: give --strength, in HU.")
-    if strength is not None and not is_told_noise_level(network):
-        raise ValueError(f"--strength has no effect on {name}, which is not told the noise level; leave it out.")
-    level = None if strength is None else checked_strength(strength) / 1000
-    settings = {"denoiser": name, "denoiser_sha256": sha256_of(path), "strength": strength}
-    return as_denoiser(network, noise_level=level), settings
+    level = checked_strength(strength) / 1000
+    return as_denoiser(network, noise_level=level), {**settings, "strength": strength}
 
 
 def checked_strength(strength: float) -> float:

@@ -23,7 +23,8 @@ class MethodOptions:
         kernel: Filter of fbp, from sharp to smooth.
         denoiser: Denoiser of pnp: a classical one, or the file of a trained network.
         strength: How much pnp and tv smooth; in HU times pixels for tv, HU of noise for nonlocal-means and
-            networks that are told it, pixels for gaussian. It was chosen for a body at a low dose.
+            networks that are told it, times that other networks are applied, pixels for gaussian. It was chosen
+            for a body at a low dose.
         beta: Penalty of pnp and tv, relative to the mean diagonal of the normal equations.
         sigma_v: The penalty of pnp in other words, instead of beta: how well the denoised image is known, HU.
         iterations: Most iterations of pnp and tv.

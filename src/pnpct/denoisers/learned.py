@@ -1,6 +1,7 @@
 """From a trained network to a denoiser."""
 
 import copy
+import math
 
 import torch
 from torch import nn
@@ -11,7 +12,12 @@ from pnpct.denoisers.noise_level import NoiseLevel, check_noise_level
 
 
 def as_denoiser(
-    network: nn.Module, *, noise_level: NoiseLevel | None = None, bfloat16: bool = False, batch: int = 1
+    network: nn.Module,
+    *,
+    noise_level: NoiseLevel | None = None,
+    passes: float = 1.0,
+    bfloat16: bool = False,
+    batch: int = 1,
 ) -> Denoise:
     """Make a denoiser of a network.
 
@@ -23,6 +29,8 @@ def as_denoiser(
         network: Takes images [batch, rows, cols] relative to water, and a noise level too if it has `noise_input`.
         noise_level: Standard deviation of the noise in units of the image, ≥ 0 (0.03 is 30 HU), or a map that
             broadcasts to the image; for networks that are told it, and only for these.
+        passes: How often the network is applied, 1 to 4; 1.5 is the mean of once and twice. A second pass takes away
+            what the first has left, and some of the finest detail.
         bfloat16: Compute with 8 bits of precision instead of 24 inside the network, about twice as quick on hardware
             made for it. The image itself is not rounded: behind a trained `RDNCBAM` the result changes by 0.4 HU
             (root mean square; 4 HU at most), whether the noise was 200 HU or 10.
@@ -33,7 +41,8 @@ def as_denoiser(
         A callable from image to image, with any leading dimensions. Not differentiable.
 
     Raises:
-        ValueError: If the noise level is missing, not wanted, negative or not finite, or `batch` is below 1.
+        ValueError: If the noise level is missing, not wanted, negative or not finite, or `passes` or `batch` is out of
+            its range.
 
     Example:
         >>> from pnpct.denoisers.rdn_cbam import RDNCBAM
@@ -47,11 +56,13 @@ def as_denoiser(
         raise ValueError(f"A noise level is a standard deviation from 0 up, got {low:g} to {high:g}.")
     if batch < 1:
         raise ValueError(f"At least one slice is worked on at a time, got a batch of {batch}.")
+    if not 1 <= passes <= 4:
+        raise ValueError(f"A network is applied 1 to 4 times, got {passes:g}.")
     frozen = copy.deepcopy(network).eval().requires_grad_(False)
     frozen.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # PyTorch knows it, its types do not
     place = next(frozen.parameters(), torch.empty(0))
 
-    def denoise(image: Image) -> Image:
+    def once(image: Image) -> Image:
         slices = image.reshape(image.shape[:-2].numel(), *image.shape[-2:])
         levels = None if level is None else level.to(image).expand_as(image).reshape(slices.shape)
         # Memory from outside inference mode: a caller may work on the result in place.
@@ -62,5 +73,11 @@ def as_denoiser(
                 inputs = (slices,) if levels is None else (slices, levels)
                 result[chosen] = frozen(*(array[chosen].to(place) for array in inputs)).to(image)
         return result.reshape(image.shape)
+
+    def denoise(image: Image) -> Image:
+        result = once(image)
+        for done in range(1, math.ceil(passes)):
+            result = torch.lerp(result, once(result), min(passes - done, 1.0))
+        return result
 
     return denoise
