@@ -86,7 +86,7 @@ class Judge:
         if len(self.sinograms) == 2:
             change = to_hu(method(self.sinograms[1], self.A)) - to_hu(image)
             kept = 100 * float(change[self.case.core].mean()) / CONTRAST_HU
-        path = self.folder / f"{self.case.name}-{self.dose:g}mA-{name.replace(' ', '-')}"
+        path = self.folder / f"{self.case.name}-{self.dose:g}mA-{name.replace(',', '').replace(' ', '-')}"
         for suffix in (".png", ".h5"):
             write_image(f"{path}{suffix}", image, self.case.plain.grid, provenance=record_run(sys.argv))
         soft, body = self.errors(image)
@@ -157,6 +157,8 @@ def main() -> None:
     doses = [float(dose) for dose in given.doses.split(",")]
     rows: dict[float, list[Rows]] = {dose: [] for dose in doses}
     for case in cases(given.folder, given.cases.split(",")):
+        truth = given.folder / f"{case.name}-truth.h5"
+        write_image(truth, case.plain.truth, case.plain.grid, provenance=record_run(sys.argv))
         for dose in doses:
             rows[dose].append(judge(case, dose, given.folder, networks, classical=not given.no_classical))
     for dose, of_cases in rows.items():
