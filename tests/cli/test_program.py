@@ -59,7 +59,7 @@ def test_the_help_of_a_command_names_each_option_and_its_default(command, run, m
             f"--{field.name.replace('_', '-')} ",
             f" {field.name.upper()} ",
             f" [{field.name.upper()}] ",
-            f"--{field.name}, --no-",
+            f"--{field.name.replace('_', '-')}, --no-",
         )
         assert any(words in text for words in spelled), field.name
     assert len(re.findall(r"\(default: |\(required\)", text)) >= len(fields(chosen))
