@@ -3,7 +3,7 @@
 # Usage: runs/paper.sh FOLDER; then open FOLDER/comparison/report.html. It goes on where an interrupted run ended.
 #
 # The networks are those that come with the package (runs/weights.sh trains them). On two cores the comparison of four
-# patients at three doses takes about an hour, the detectability at six doses longer; leave it out with PAIRS=0. Each
+# patients at three doses takes about an hour (one takes 13 minutes), the detectability at six doses longer; leave it out with PAIRS=0. Each
 # method at each dose is kept when it is done. Forty pairs are the least; 100 or more make intervals narrow enough to
 # judge the control by.
 set -euo pipefail

@@ -34,7 +34,7 @@ train fourth third 1 19 "${around_third[@]}" --learning-rate 1e-3 --decay 0.85
 train fifth fourth 1 13 "${around_third[@]}" --discount 0.5 --learning-rate 1e-3 --decay 0.82
 train sixth fifth 1 13 "${around_third[@]}" --examples 95 --discount 0.5 --learning-rate 1e-3 --decay 0.82
 
-# RED-CNN, the baseline from outside, for half an hour of one core; its steps take ten times as long.
+# RED-CNN, the baseline from outside, for 35 minutes of one core; its steps take ten times as long.
 pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --kept images --bfloat16 --side 64 --batch 8 \
   --pairs-per-epoch 256 "${around_third[@]}" --epochs 12 --learning-rate 1e-3 --decay 0.75 >> red-cnn.log
 

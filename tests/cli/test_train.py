@@ -70,8 +70,11 @@ def test_a_run_that_was_killed_goes_on_and_ends_as_if_it_had_not(
 
 def test_a_network_can_be_told_the_noise_level(dataset: Path, tmp_path: Path, run) -> None:
     path = tmp_path / "told.safetensors"
-    assert run("train", dataset, path, *TRAIN.split(), "--noise-input")[0] == 0
+    assert run("train", dataset, path, *TRAIN.split(), "--noise-input", "--licence", "CC0-1.0")[0] == 0
     assert load_network(path).noise_input
+    about = json.loads((tmp_path / "told.safetensors.json").read_text())["about"]
+    assert about["licence"] == "CC0-1.0"
+    assert about["settings"]["noise_input"]
 
 
 def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
