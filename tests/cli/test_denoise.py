@@ -115,6 +115,17 @@ def test_a_network_can_be_applied_twice(run, made, tmp_path):
     torch.testing.assert_close(read_image(out)[0], once(once(image)), rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("command", ["denoise {made}/image.h5", "reconstruct {made}/scan.h5 --iterations 2"])
+def test_a_network_can_compute_with_fewer_digits(command, run, made, tmp_path):
+    path, outs = save(tmp_path / "net.safetensors", RDNCBAM(TINY)), [tmp_path / "exact.h5", tmp_path / "quick.h5"]
+    name, scan, *rest = command.format(made=made).split()
+    for out, words in zip(outs, ([], ["--bfloat16"]), strict=True):
+        assert run(name, scan, out, "--denoiser", path, "--device", "cpu", *rest, *words)[0] == 0
+        assert said_of(out).settings["bfloat16"] is bool(words)
+    exact, quick = (read_image(out)[0] for out in outs)
+    assert 0 < (quick - exact).square().mean().sqrt() < 0.01
+
+
 def test_the_help_of_both_commands_says_that_a_file_will_do(run):
     for command in ("denoise", "reconstruct"):
         assert "FILE.safetensors" in run(command, "--help")[1]
@@ -128,6 +139,8 @@ MISTAKES = [
     Case("an unknown denoiser", GOOD + " --denoiser bm3d", "no denoiser bm3d tv nonlocal-means gaussian .safetensors"),
     Case("a negative strength", GOOD + " --strength -1", "strength from 0 up -1"),
     Case("a strength that is no number", GOOD + " --strength nan", "strength from 0 up nan"),
+    Case("fewer digits of tv", GOOD + " --bfloat16", "--bfloat16 no effect on tv networks"),
+    Case("fewer digits of tv in pnp", "reconstruct {made}/scan.h5 {here}/out.h5 --bfloat16", "--bfloat16 tv networks"),
     Case("no image", "denoise {here}/bad.h5 {here}/out.h5", "There is no file bad.h5"),
     Case("an image cut short", "denoise {here}/bad.h5 {here}/out.h5", "bad.h5 cut short", cut(0.9, of="image.h5")),
     Case("a scan for an image", "denoise {made}/scan.h5 {here}/out.h5", "scan.h5 pnpct-scan pnpct-image needed"),

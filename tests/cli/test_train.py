@@ -85,14 +85,16 @@ def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
     assert "remove it to begin anew" in err
 
 
-def test_the_paper_loss_is_another_one(dataset: Path, tmp_path: Path, run) -> None:
-    says = []
-    for losses in ("corrected", "paper"):
-        status, out, _ = run("train", dataset, tmp_path / f"{losses}.safetensors", *TRAIN.split(), "--losses", losses)
+def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, run) -> None:
+    says = set()
+    choices = ("--losses corrected", "--losses paper", "--texture-weight 0", "--contrast-weight 3e-4")
+    for number, words in enumerate(choices):
+        status, out, _ = run("train", dataset, tmp_path / f"{number}.safetensors", *TRAIN.split(), *words.split())
         assert status == 0
-        says.append(out.splitlines()[2])
-    assert all("fine-tuning 1: loss" in line for line in says)
-    assert says[0] != says[1]
+        line = out.splitlines()[2]
+        assert line.startswith("fine-tuning 1: loss")
+        says.add(line)
+    assert len(says) == len(choices)
 
 
 @pytest.mark.parametrize(
@@ -105,6 +107,9 @@ def test_the_paper_loss_is_another_one(dataset: Path, tmp_path: Path, run) -> No
         ("--batch 3", "batches of 3"),
         ("--batch 2 --learning-rate 0", "learning rate"),
         ("--lowest-ma 300", "Tube currents"),
+        ("--reference-ma 100", "high dose 100 mA"),
+        ("--texture-weight -1", "from 0 up -1"),
+        ("--contrast-weight nan", "from 0 up nan"),
         ("--size huge", "--size small medium original red-cnn"),
     ],
 )
@@ -163,6 +168,7 @@ def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_pa
         "--examples 1000",
         "--lowest-ma 20",
         "--highest-ma 200",
+        "--reference-ma 800",
     ],
 )
 def test_options_of_a_data_set_are_refused_for_a_single_scan(tmp_path: Path, run, words: str) -> None:

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,6 +77,16 @@ def test_the_high_dose_has_less_noise(file: Path) -> None:
     )
 
 
+def test_the_current_of_the_high_dose_changes_its_noise_and_nothing_else(file: Path, tmp_path: Path) -> None:
+    usual, higher = (
+        [Examples([file], picture, (), seed=0, reference_ma=current, kept=tmp_path)(number) for number in range(40)]
+        for current in (800.0, 80000.0)
+    )
+    noise = [torch.stack([example.high - 1 for example in examples]).std() for examples in (usual, higher)]
+    assert float(noise[0] / noise[1]) == pytest.approx(10.0, rel=0.05)
+    assert all(torch.equal(one.low, other.low) for one, other in zip(usual, higher, strict=True))
+
+
 def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
     examples = Examples([file], picture, (doubled,), seed=0)
     low, other, high = vars(examples(0)).values()
@@ -91,6 +102,18 @@ def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
             torch.equal(pair.target, low[0]) and (torch.equal(pair.input, low[0]) or torch.equal(pair.input, other[0]))
             for pair in drawn
         )
+
+
+def test_images_of_a_loop_that_diverged_are_left_out(file: Path) -> None:
+    def diverged(*scan_grid_generator: Any) -> torch.Tensor:
+        return 100 * picture(*scan_grid_generator)
+
+    examples = Examples([file], picture, (diverged, doubled), seed=0)
+    _, (_, usual), high = vars(examples(0)).values()
+    pairs = Pairs(examples, "dose", seed=0, distinct=1, augment=False)
+    drawn = [pairs(number).input for number in range(40)]
+    assert max(float(image.max()) for image in drawn) < 10 * float(high.max())
+    assert any(torch.equal(image, usual) for image in drawn)
 
 
 def test_a_pair_with_twice_the_noise_counts_half(file: Path) -> None:
@@ -147,5 +170,7 @@ def test_examples_that_cannot_be_drawn_are_refused(file: Path) -> None:
         Examples([], picture, (), seed=0)
     with pytest.raises(ValueError, match="Tube currents"):
         Examples([file], picture, (), seed=0, tube_currents_ma=(200.0, 20.0))
+    with pytest.raises(ValueError, match="high dose is at least"):
+        Examples([file], picture, (), seed=0, reference_ma=100.0)
     with pytest.raises(ValueError, match="square of 99 pixels"):
         Pairs(Examples([file], picture, (), seed=0), "noisy", seed=0, side=99)(0)

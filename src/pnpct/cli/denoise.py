@@ -28,6 +28,7 @@ class Denoise:
         denoiser: The denoiser: a classical one, or the file of a trained network.
         strength: How much it smooths; in HU times pixels for tv, HU of noise for nonlocal-means and for networks that
             are told the noise level, pixels for gaussian. Other networks are applied so many times, 1 to 4.
+        bfloat16: Let a network compute with fewer digits, about twice as quick on hardware made for it.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
@@ -35,6 +36,7 @@ class Denoise:
     denoised: Positional[Path]
     denoiser: Annotated[str, option(metavar=CHOICES)] = "tv"
     strength: Annotated[float | None, option(default=_STRENGTH)] = None
+    bfloat16: bool = False
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
@@ -42,7 +44,7 @@ class Denoise:
         check_output(self.denoised, IMAGES, inputs=[self.image])
         device = choose_device(self.device)
         image, grid = read_image(self.image)
-        denoise, settings = choose_denoiser(self.denoiser, self.strength, device=device)
+        denoise, settings = choose_denoiser(self.denoiser, self.strength, device=device, bfloat16=self.bfloat16)
         with working("Denoising"):
             denoised = denoise(image.to(device)).cpu()
         settings = {**settings, "grid": asdict(grid), "device": device.type}

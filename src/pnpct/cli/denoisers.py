@@ -21,7 +21,9 @@ CHOICES = "|".join([f"{{{','.join(DENOISERS)}}}", *network_names(), "FILE.safete
 """What the help shows for a denoiser."""
 
 
-def choose_denoiser(name: str, strength: float | None, *, device: torch.device) -> tuple[Denoise, dict[str, Any]]:
+def choose_denoiser(
+    name: str, strength: float | None, *, device: torch.device, bfloat16: bool = False
+) -> tuple[Denoise, dict[str, Any]]:
     """Return a denoiser, and the settings that say which it is.
 
     Args:
@@ -29,13 +31,16 @@ def choose_denoiser(name: str, strength: float | None, *, device: torch.device) 
         strength: Its strength, that of `STRENGTHS` if None; HU of noise for networks that are told the noise level, and
             for the others how often they are applied, once if None.
         device: Where a network computes.
+        bfloat16: Whether it computes with fewer digits; see `as_denoiser`.
 
     Raises:
         OSError: If a network cannot be read.
-        ValueError: If there is no such denoiser, the strength is out of its range, or a network that is told the noise
-            level lacks one.
+        ValueError: If there is no such denoiser, a classical one is asked to compute in bfloat16, the strength is out
+            of its range, or a network that is told the noise level lacks one.
     """
     if name in DENOISERS:
+        if bfloat16:
+            raise ValueError(f"--bfloat16 has no effect on {name}, but on networks; leave it out.")
         strength = checked_strength(STRENGTHS[name] if strength is None else strength)
         return make_denoiser(name, strength), {"denoiser": name, "strength": strength}
     if not name.endswith(".safetensors") and name not in network_names():
@@ -43,14 +48,14 @@ def choose_denoiser(name: str, strength: float | None, *, device: torch.device) 
         raise ValueError(f'There is no denoiser "{name}"; there are {there}, and .safetensors files of networks.')
     path = network_file(name)
     network = load_network(path).to(device)
-    settings = {"denoiser": name, "denoiser_sha256": sha256_of(path)}
+    settings = {"denoiser": name, "denoiser_sha256": sha256_of(path), "bfloat16": bfloat16}
     if not is_told_noise_level(network):
         passes = 1.0 if strength is None else strength
-        return as_denoiser(network, passes=passes), {**settings, "strength": passes}
+        return as_denoiser(network, passes=passes, bfloat16=bfloat16), {**settings, "strength": passes}
     if strength is None:
         raise ValueError(f"{name} is told how noisy the image is: give --strength, in HU.")
     level = checked_strength(strength) / 1000
-    return as_denoiser(network, noise_level=level), {**settings, "strength": strength}
+    return as_denoiser(network, noise_level=level, bfloat16=bfloat16), {**settings, "strength": strength}
 
 
 def checked_strength(strength: float) -> float:

@@ -56,6 +56,7 @@ class PlugAndPlay:
     iterations: int = ITERATIONS
     solver: SolverName = "fourier"
     inner_iterations: int | None = None
+    bfloat16: bool = False
     stop: RuleName = "relative"
 
     def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
@@ -63,7 +64,7 @@ class PlugAndPlay:
         if self.beta is not None and self.sigma_v is not None:
             raise ValueError("--beta and --sigma-v say one thing in two units; give one of them.")
         device = sinogram.line_integrals.device
-        denoise, of_denoiser = choose_denoiser(self.denoiser, self.strength, device=device)
+        denoise, of_denoiser = choose_denoiser(self.denoiser, self.strength, device=device, bfloat16=self.bfloat16)
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
         beta = BETA if self.beta is None else self.beta
         beta = beta if self.sigma_v is None else beta_from_sigma_v(self.sigma_v, sinogram, projector)

@@ -1,5 +1,6 @@
 """The methods of `pnpct train`, each with the options that have an effect on it, and what it makes of its data."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -16,7 +17,10 @@ from pnpct.cli.training_images import view_subset_images
 from pnpct.cli.training_setup import examples_of, validate
 from pnpct.files import MANIFEST, network_file, read_scan, sha256_of
 from pnpct.training import (
+    CONTRAST_WEIGHT,
+    TEXTURE_WEIGHT,
     Epoch,
+    Examples,
     Form,
     Pairs,
     SplitViewPairs,
@@ -53,6 +57,7 @@ class Supervised:
     kept: Path | None = None
     lowest_ma: float = 20.0
     highest_ma: float = 200.0
+    reference_ma: float = Examples.reference_ma
     discount: float = Pairs.discount
 
     def settings(self) -> dict[str, Any]:
@@ -82,6 +87,7 @@ class Supervised:
             device=device,
             seed=seed,
             tube_currents_ma=(self.lowest_ma, self.highest_ma),
+            reference_ma=self.reference_ma,
             kept=self.kept,
         )
         validation = examples(split="validation")
@@ -103,6 +109,13 @@ class TwoStage(Supervised):
 
     fine_tuning_epochs: int = 20
     losses: Form = "corrected"
+    texture_weight: float = TEXTURE_WEIGHT
+    contrast_weight: float = CONTRAST_WEIGHT
+
+    def __post_init__(self) -> None:
+        weights = self.texture_weight, self.contrast_weight  # checked here, since the second stage begins after hours
+        if not all(0 <= weight < math.inf for weight in weights):
+            raise ValueError(f"Weights of a loss are numbers from 0 up, got {weights[0]:g} and {weights[1]:g}.")
 
     @override
     def _taught(
@@ -110,7 +123,13 @@ class TwoStage(Supervised):
     ) -> tuple[Callable[..., Iterator[Epoch]], int]:
         noisy, dosed = pairs(kind="noisy", seed=seed), pairs(kind="dose", seed=seed + 1)
         both = epochs, self.fine_tuning_epochs
-        losses = stage_one_loss, partial(stage_two_loss, form=self.losses)
+        second = partial(
+            stage_two_loss,
+            form=self.losses,
+            texture_weight=self.texture_weight,
+            contrast_weight=self.contrast_weight,
+        )
+        losses = stage_one_loss, second
         return partial(two_stage, noisy=noisy, dosed=dosed, epochs=both, losses=losses), sum(both)
 
 

@@ -23,10 +23,13 @@ class TrainingOptions:
         loop_iterations: Most iterations of that loop.
         fine_tuning_epochs: Epochs of the second stage, for two-stage.
         losses: Loss of the second stage: corrected, or as the paper prints it, which cannot reach its goal.
+        texture_weight: Weight of the texture term in that loss, (HU / 1000)².
+        contrast_weight: Weight of its contrast term, (HU / 1000)².
         examples: Slices that are scanned and reconstructed, before they come again with other changes.
         kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
+        reference_ma: Tube current of high-dose scans, mA; the higher, the less noise there is to learn around.
         discount: Power of the noise by which noisy pairs count less: 0 counts all alike, 2 much less.
     """
 
@@ -36,10 +39,13 @@ class TrainingOptions:
     loop_iterations: Annotated[int | None, option(default=TwoStage.loop_iterations)] = None
     fine_tuning_epochs: Annotated[int | None, option(default=TwoStage.fine_tuning_epochs)] = None
     losses: Annotated[Form | None, option(default=TwoStage.losses)] = None
+    texture_weight: Annotated[float | None, option(default=TwoStage.texture_weight)] = None
+    contrast_weight: Annotated[float | None, option(default=TwoStage.contrast_weight)] = None
     examples: Annotated[int | None, option(default=TwoStage.examples)] = None
     kept: Path | None = None
     lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
+    reference_ma: Annotated[float | None, option(default=TwoStage.reference_ma)] = None
     discount: Annotated[float | None, option(default=TwoStage.discount)] = None
 
     def chosen_method(self) -> TwoStage | Supervised | SingleScan:

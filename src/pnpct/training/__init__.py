@@ -2,6 +2,8 @@
 
 from pnpct.training.examples import Example, Examples, MakeImage
 from pnpct.training.losses import (
+    CONTRAST_WEIGHT,
+    TEXTURE_WEIGHT,
     Form,
     LossTerm,
     contrast_loss,
@@ -16,6 +18,8 @@ from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, Stage, train, two_stage
 
 __all__ = [
+    "CONTRAST_WEIGHT",
+    "TEXTURE_WEIGHT",
     "Epoch",
     "Example",
     "Examples",

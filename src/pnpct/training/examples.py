@@ -20,7 +20,7 @@ from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 
 REFERENCE_MA = 800.0
-"""Tube current of the scans that count as high dose, mA."""
+"""Tube current of a usual scan at high dose, mA."""
 
 MakeImage: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Image]
 """From a scan to an image on a grid, with random settings where there are any."""
@@ -58,6 +58,8 @@ class Examples:
         others: Other ways to make images, of which a denoiser shall know the noise.
         seed: Of everything that is drawn.
         tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
+        reference_ma: Tube current of the high-dose scans, mA. Their noise does not mislead a network, but drowns what
+            it could learn wherever its output is nearer to the truth than they are.
         kept: Folder that examples are kept in, since making one takes longer than learning from it; None keeps none.
         source: What the files are, such as the SHA-256 of their manifest; it tells kept examples of data sets apart.
 
@@ -70,6 +72,7 @@ class Examples:
     others: Sequence[MakeImage]
     seed: int
     tube_currents_ma: tuple[float, float] = (20.0, 200.0)
+    reference_ma: float = REFERENCE_MA
     kept: Path | None = None
     source: str = ""
 
@@ -79,6 +82,8 @@ class Examples:
             raise ValueError("Examples are drawn from at least one file, got none.")
         if not 0 < low <= high < math.inf:
             raise ValueError(f"Tube currents are positive and rising, in mA, got {low} and {high}.")
+        if not high <= self.reference_ma < math.inf:
+            raise ValueError(f"The high dose is at least the low dose of up to {high} mA, got {self.reference_ma} mA.")
 
     def __call__(self, number: int) -> Example:
         """Draw the example of a number, from 0 on, or read it where it is kept.
@@ -106,7 +111,7 @@ class Examples:
         names = [f"{path.parent.name}/{path.name}" for path in self.files]
         makes = (self.make, *self.others)
         ways = [repr(make) if is_dataclass(make) else getattr(make, "__qualname__", "") for make in makes]
-        depends = repr((self.source, names, ways, self.seed, self.tube_currents_ma, REFERENCE_MA))
+        depends = repr((self.source, names, ways, self.seed, self.tube_currents_ma, self.reference_ma))
         return hashlib.sha256(depends.encode()).hexdigest()[:12]
 
     def _drawn(self, number: int) -> Example:
@@ -121,7 +126,7 @@ class Examples:
         current = float(np.exp(draw.uniform(low, high)))
         first, second, reference = (
             exposed.exposure.scan(tube_current_ma=each, generator=generator)
-            for each in (current, current, REFERENCE_MA)
+            for each in (current, current, self.reference_ma)
         )
         fbp = torch.stack([self.make(scan, grid, generator) for scan in (first, second, reference)])
         others = [make(first, grid, generator) for make in self.others]

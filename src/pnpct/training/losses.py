@@ -23,6 +23,9 @@ LossTerm: TypeAlias = Callable[[Image, Image], Scalar]
 Form: TypeAlias = Literal["corrected", "paper"]
 """What does as the paper says, or what it has printed."""
 
+TEXTURE_WEIGHT, CONTRAST_WEIGHT = 5e-5, 3e-5
+"""λ_tex and λ_ca, in (HU / 1000)², that suit a reference with the noise of a usual high dose; the paper gives none."""
+
 
 def mean_squared_error(output: Image, target: Float[Tensor, "..."]) -> Scalar:
     """Return the mean of (output − target)², in (HU / 1000)².
@@ -204,8 +207,8 @@ def stage_two_loss(
     target: Float[Tensor, "..."],
     *,
     form: Form = "corrected",
-    texture_weight: float = 5e-5,
-    contrast_weight: float = 3e-5,
+    texture_weight: float = TEXTURE_WEIGHT,
+    contrast_weight: float = CONTRAST_WEIGHT,
 ) -> Scalar:
     """Return the loss for pairs of a low-dose and a high-dose image: squared errors, texture and contrast.
 
@@ -218,7 +221,7 @@ def stage_two_loss(
         texture_weight: λ_tex ≥ 0, in (HU / 1000)²: it leaves noise of at most √(λ_tex / 2), 5 HU by default.
         contrast_weight: λ_ca ≥ 0, in (HU / 1000)². Errors of the size of a target's noise of 10 HU count an eighth
             more by default; since the target is noisy, the contrast of faint details rises by λ_ca / (4 C₂) = 5 %
-            at most (times their weight over the mean weight).
+            at most (times their weight over the mean weight). A target with less noise bears more.
 
     Returns:
         The loss, in (HU / 1000)².

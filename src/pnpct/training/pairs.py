@@ -14,6 +14,10 @@ _NOISE = 0.03 / 2**0.5
 """Noise of FBP images, relative to water, of pairs whose loss counts as it is: two scans then differ by 30 HU."""
 
 
+_DIVERGED = 3.0
+"""An image whose largest value exceeds that of the FBP images so many times is of a loop that diverged."""
+
+
 @dataclass(frozen=True, eq=False)
 class Pair:
     """What a denoiser gets, and what it should return.
@@ -36,7 +40,8 @@ class Pair:
 class Pairs:
     """Pairs by number: the same number is the same pair, whoever asks, in whatever order.
 
-    The input is made in any of the ways of the example. The target is always FBP: its noise has a mean of zero, and
+    The input is made in any of the ways of the example, except those that diverged, as the loop may at metal: one such
+    image outweighs thousands. The target is always FBP: its noise has a mean of zero, and
     it keeps what ADMM may have lost on its way. A pair counts the less, the noisier its FBP images are, or the lowest
     doses would drown what the others teach.
 
@@ -65,10 +70,12 @@ class Pairs:
         """Draw the pair of a number, from 0 on."""
         draw = np.random.default_rng([self.seed, number])
         example = self.examples(number if self.distinct is None else number % self.distinct)
-        fbp, way, first = example.low, int(draw.integers(1 + len(example.others))), int(draw.integers(2))
+        fbp, limit = example.low, _DIVERGED * example.low.abs().max()
+        others = [image for image in example.others if image.abs().max() <= limit]
+        way, first = int(draw.integers(1 + len(others))), int(draw.integers(2))
         if way > 0:
             first = 0
-        noisy = fbp[first] if way == 0 else example.others[way - 1]
+        noisy = fbp[first] if way == 0 else others[way - 1]
         target = fbp[1 - first] if self.kind == "noisy" else example.high
         weight = (_NOISE / max(example.noise_level, 1e-5)) ** self.discount
         noisy, target = change_alike([noisy, target], draw, augment=self.augment, side=self.side)
