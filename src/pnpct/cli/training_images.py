@@ -16,8 +16,12 @@ from pnpct.operators import Projector
 from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import ADMMState, fbp, pnp_admm
 
-BETAS = (0.3, 3.0)
-"""Lowest and highest penalty, between which it is drawn evenly in its logarithm."""
+BETAS = (0.7, 1.5)
+"""Lowest and highest penalty, between which it is drawn evenly in its logarithm: around the default.
+
+The noise of u goes with 1/β. At a third of the default the images of a head at 20 mA had noise of 1300 HU after twenty
+iterations, and one such image undid what hundreds had taught.
+"""
 
 STRENGTHS_HU = (15.0, 120.0)
 """Lowest and highest strength of total variation, HU × pixel, drawn likewise."""

@@ -39,7 +39,7 @@ def fourier(
     inner_iterations: int = INNER_ITERATIONS,
     levels: int = LEVELS,
 ) -> Solve:
-    """Make a solver that takes `inner_iterations` conjugate-gradient steps, preconditioned with `levels` levels.
+    """Make a solver of `inner_iterations` or more conjugate-gradient steps, preconditioned with `levels` levels.
 
     Setting up takes one projection, one back-projection and the diagonal.
     """

@@ -23,7 +23,7 @@ def solver_by_name(name: str, *, inner_iterations: int | None = None) -> MakeSol
 
     Args:
         name: "fourier", "cholesky", "cg", "dense-cholesky" or "fbp-blend".
-        inner_iterations: Steps of an iterative solver in each data step; its own default if None.
+        inner_iterations: Least steps of an iterative solver in each data step; its own default if None.
 
     Raises:
         ValueError: If there is no such solver, or it takes no inner iterations.

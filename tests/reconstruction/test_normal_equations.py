@@ -1,0 +1,69 @@
+"""Conjugate gradients on a diagonal operator, whose solution is known."""
+
+import pytest
+import torch
+
+from pnpct.arrays import Image
+from pnpct.reconstruction.normal_equations import (
+    INNER_ITERATIONS,
+    MOST_INNER_ITERATIONS,
+    TOLERANCE,
+    conjugate_gradient,
+    warm_started,
+)
+
+
+class Diagonal:
+    """An operator that counts how often it is applied; each row of an image has a spectrum of its own."""
+
+    def __init__(self, spectrum: torch.Tensor) -> None:
+        self.spectrum, self.products = spectrum, 0
+
+    def __call__(self, image: Image) -> Image:
+        self.products += 1
+        return self.spectrum * image
+
+
+@pytest.fixture
+def hard() -> Diagonal:
+    return Diagonal(torch.logspace(0, 2, 64, dtype=torch.float64).reshape(8, 8))
+
+
+def residual(H: Diagonal, b: Image, x: Image) -> float:
+    return float((b - H.spectrum * x).norm() / b.norm())
+
+
+def test_steps_go_on_while_the_residual_is_too_large(hard: Diagonal) -> None:
+    b = torch.ones(8, 8, dtype=torch.float64)
+    x = torch.zeros_like(b)
+    few, _ = conjugate_gradient(hard, b, x, x, iterations=3)
+    assert hard.products == 3
+    assert residual(hard, b, few) > 0.1
+    enough, Hx = conjugate_gradient(hard, b, x, x, iterations=3, most=200, tolerance=1e-3)
+    assert residual(hard, b, enough) < 1e-3
+    assert 10 < hard.products - 3 < 100
+    torch.testing.assert_close(Hx, hard.spectrum * enough)
+
+
+def test_a_start_that_is_good_enough_takes_the_least_steps_and_a_bad_one_not_more_than_the_most(hard: Diagonal) -> None:
+    b = torch.ones(8, 8, dtype=torch.float64)
+    exact = b / hard.spectrum
+    x = warm_started(INNER_ITERATIONS)(hard, b, exact * (1 + 1e-6))
+    assert hard.products == 1 + INNER_ITERATIONS  # the first is H of the start
+    assert residual(hard, b, x) < 1e-6
+    harder = Diagonal(hard.spectrum**3)
+    x = warm_started(INNER_ITERATIONS)(harder, b, torch.zeros_like(b))
+    assert harder.products == 1 + MOST_INNER_ITERATIONS
+    assert residual(harder, b, x) > TOLERANCE
+
+
+def test_each_image_of_a_batch_stops_on_its_own() -> None:
+    easy, hard = torch.full((8, 8), 2.0, dtype=torch.float64), torch.logspace(0, 2, 64, dtype=torch.float64)
+    both = Diagonal(torch.stack([easy, hard.reshape(8, 8)]))
+    b = torch.ones(2, 8, 8, dtype=torch.float64)
+    zero = torch.zeros_like(b)
+    together, _ = conjugate_gradient(both, b, zero, zero, iterations=1, most=50, tolerance=1e-3)
+    for number in range(2):
+        H = Diagonal(both.spectrum[number])
+        alone, _ = conjugate_gradient(H, b[number], zero[number], zero[number], iterations=1, most=50, tolerance=1e-3)
+        torch.testing.assert_close(together[number], alone)
