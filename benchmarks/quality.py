@@ -5,8 +5,7 @@
 
 Prints for every case and dose, in HU: RMSE in soft tissue and in the body, bias in uniform soft tissue, the share of
 a lesion of 12 mm and -40 HU that is kept (difference of two scans with the same noise), and for plug-and-play the RMSE
-of the last iteration over that of the best, in soft tissue and in the body; last the mean over the cases. "Twice"
-applies the network twice in each iteration. FBP has the
+of the last iteration over that of the best, in soft tissue and in the body; last the mean over the cases. FBP has the
 kernel, the blur its width and total variation its strength with the least RMSE in soft tissue of this very scan: an
 oracle that the learned methods do not have. The folder gets the exposures of the cases, the images as .h5 and .png,
 and the rows as .json, with the errors of every choice; they are not measured again. Empty it for another network.
@@ -34,7 +33,7 @@ from quality_cases import CONTRAST_HU, QualityCase, cases
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
-STRENGTHS_HU = (30.0, 50.0, 80.0, 120.0, 180.0)
+STRENGTHS_HU = (50.0, 80.0, 120.0, 180.0, 270.0)
 
 Method = Callable[[Sinogram, Projector], Image]
 Row = dict[str, Any]
@@ -114,8 +113,6 @@ def judge(case: QualityCase, dose: float, folder: Path, networks: dict[str, Deno
         work[name] = partial(judged.row, method=denoised(name, name, denoise, {}).make)
         if name != "RED-CNN":
             work[f"PnP {name}"] = partial(judged.loop, denoise=denoise)
-            if name == "two-stage":
-                work["PnP two-stage, twice"] = partial(judged.loop, denoise=lambda image, D=denoise: D(D(image)))
     for name, measure in work.items():
         if name not in rows:
             rows[name] = measure(name)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Train the networks that come with the package: about four hours on two cores.
+# Train the networks that come with the package: about six hours on two cores.
 # Usage: runs/weights.sh FOLDER; it goes on where an interrupted run ended.
 #
 # FOLDER holds two patients besides those that are made up: neck.npz, the 80 slices of the series TCGA-E3-A3E5 (TCIA
@@ -11,11 +11,13 @@ export OMP_NUM_THREADS=1  # two trainings side by side are quicker than two thre
 
 pnpct simulate dataset scans --cases 40 --stations 5 --rows 1 --noise-hu 15 --seed 1 --body neck.npz slab.zip
 
-# Both networks of a round, side by side: its name, the round before, epochs of noise to noise and of dose pairs, options.
+# Both networks of a round, side by side: its name, the round before, epochs of noise to noise and of dose pairs, options
+# of the two-stage network alone, options of both.
 train() {
-  local round=$1 before=$2 noisy=$3 dosed=$4
-  local options=(--kept images --bfloat16 --side 128 --batch 8 --pairs-per-epoch 512 --licence Apache-2.0 "${@:5}")
-  pnpct train scans "$round.safetensors" "${options[@]}" ${before:+--begin-with "$before.safetensors"} \
+  local round=$1 before=$2 noisy=$3 dosed=$4 losses=$5
+  local options=(--kept images --bfloat16 --side 128 --batch 8 --pairs-per-epoch 512 --licence Apache-2.0 "${@:6}")
+  # shellcheck disable=SC2086  # the losses are several words, or none
+  pnpct train scans "$round.safetensors" "${options[@]}" ${before:+--begin-with "$before.safetensors"} $losses \
     --epochs "$noisy" --fine-tuning-epochs "$dosed" >> "$round.log" &
   pnpct train scans "$round-supervised.safetensors" "${options[@]}" \
     ${before:+--begin-with "$before-supervised.safetensors"} \
@@ -24,21 +26,32 @@ train() {
 }
 
 # The first learn what the loop of ADMM looks like around total variation, the second and third what it looks like around
-# the first, the last three what it looks like in all of its iterations around the third.
-train first "" 14 8 --seed 1 --examples 200 --discount 2 --learning-rate 2e-3 --decay 0.88
+# the first, the next three what it looks like in all of its iterations around the third.
+train first "" 14 8 "" --seed 1 --examples 200 --discount 2 --learning-rate 2e-3 --decay 0.88
 around_first=(--seed 2 --examples 140 --loop-denoiser first.safetensors --loop-iterations 5)
-train second first 6 16 "${around_first[@]}" --discount 2 --learning-rate 1e-3 --decay 0.85
-train third second 1 10 "${around_first[@]}" --learning-rate 7e-4 --decay 0.78
+train second first 6 16 "" "${around_first[@]}" --discount 2 --learning-rate 1e-3 --decay 0.85
+train third second 1 10 "" "${around_first[@]}" --learning-rate 7e-4 --decay 0.78
 around_third=(--seed 3 --examples 96 --highest-ma 400 --loop-denoiser third.safetensors --loop-iterations 12)
-train fourth third 1 19 "${around_third[@]}" --learning-rate 1e-3 --decay 0.85
-train fifth fourth 1 13 "${around_third[@]}" --discount 0.5 --learning-rate 1e-3 --decay 0.82
-train sixth fifth 1 13 "${around_third[@]}" --examples 95 --discount 0.5 --learning-rate 1e-3 --decay 0.82
+train fourth third 1 19 "" "${around_third[@]}" --learning-rate 1e-3 --decay 0.85
+train fifth fourth 1 13 "" "${around_third[@]}" --discount 0.5 --learning-rate 1e-3 --decay 0.82
+train sixth fifth 1 13 "" "${around_third[@]}" --examples 95 --discount 0.5 --learning-rate 1e-3 --decay 0.82
+
+# From here on the reference has next to no noise, and soon the contrast of soft tissue weighs more and texture less. The
+# last two learn what the loop looks like around the eighth, and then around the ninth.
+train seventh sixth 1 19 "" "${around_third[@]}" --reference-ma 100000 --learning-rate 1e-3 --decay 0.87
+train eighth seventh 1 8 "--texture-weight 0 --contrast-weight 3e-4" "${around_third[@]}" --reference-ma 100000 \
+  --learning-rate 1e-3 --decay 0.8
+soft="--texture-weight 1e-5 --contrast-weight 3e-4"
+train ninth eighth 1 31 "$soft" --highest-ma 400 --reference-ma 100000 --seed 5 --examples 96 --loop-denoiser eighth.safetensors \
+  --loop-iterations 16 --learning-rate 1e-3 --decay 0.88
+train tenth ninth 1 11 "$soft" --highest-ma 400 --reference-ma 100000 --seed 6 --examples 64 --loop-denoiser ninth.safetensors \
+  --loop-iterations 10 --learning-rate 7e-4 --decay 0.75
 
 # RED-CNN, the baseline from outside, for 35 minutes of one core; its steps take ten times as long.
 pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --kept images --bfloat16 --side 64 --batch 8 \
   --pairs-per-epoch 256 "${around_third[@]}" --epochs 12 --learning-rate 1e-3 --decay 0.75 >> red-cnn.log
 
 for suffix in safetensors safetensors.json log; do
-  cp "sixth.$suffix" "n2n.$suffix"
-  cp "sixth-supervised.$suffix" "supervised.$suffix"
+  cp "tenth.$suffix" "n2n.$suffix"
+  cp "tenth-supervised.$suffix" "supervised.$suffix"
 done

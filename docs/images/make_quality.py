@@ -19,7 +19,7 @@ COLUMNS = {
     "TV-PWLS": "40mA-TV-PWLS",
     "two-stage denoiser": "40mA-two-stage",
     "PnP, two-stage": "40mA-PnP-two-stage",
-    "PnP, two-stage, twice": "40mA-PnP-two-stage-twice",
+    "PnP, supervised": "40mA-PnP-supervised",
     "truth": "truth",
 }
 DETAILS = {"abdomen": Detail(180, 120, 110), "pelvis": Detail(180, 200, 110)}
