@@ -18,8 +18,8 @@ COLUMNS = {
     "blurred FBP": "40mA-blurred-FBP",
     "TV-PWLS": "40mA-TV-PWLS",
     "two-stage denoiser": "40mA-two-stage",
-    "PnP, two-stage": "40mA-PnP-two-stage",
     "PnP, supervised": "40mA-PnP-supervised",
+    "PnP, two-stage": "40mA-PnP-two-stage",
     "truth": "truth",
 }
 DETAILS = {"abdomen": Detail(180, 120, 110), "pelvis": Detail(180, 200, 110)}
