@@ -19,8 +19,8 @@ from pnpct.reconstruction import ADMMState, fbp, pnp_admm
 BETAS = (0.7, 1.5)
 """Lowest and highest penalty, between which it is drawn evenly in its logarithm: around the default.
 
-The noise of u goes with 1/β. When it was drawn from 0.3 on, x + u of a head at 23 mA was 1300 HU from the reference, ten
-times as far as FBP, and training on such images diverged.
+The noise of u goes with 1/β. When it was drawn from 0.3 on, x + u of a head at 23 mA was 1300 HU from the reference,
+ten times as far as FBP, and training on such images diverged.
 """
 
 STRENGTHS_HU = (15.0, 120.0)
