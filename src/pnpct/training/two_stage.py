@@ -135,12 +135,9 @@ def train(
             mine = range(first + rank, first + batch, world)
             for part in range(0, len(mine), at_once):
                 drawn = [pairs(each) for each in mine[part : part + at_once]]
-                with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
-                    outputs = D(*_inputs(D, drawn, device)).float()
-                pairwise = zip(drawn, outputs, strict=True)
-                losses = [pair.weight * loss(output, pair.target.to(device)) for pair, output in pairwise]
-                (torch.stack(losses).sum() / batch).backward()
-                total += sum(each.detach().double() for each in losses)
+                of_part = _losses(D, drawn, loss, bfloat16=bfloat16)
+                (of_part.sum() / batch).backward()
+                total += of_part.detach().double().sum()
             if world > 1:
                 for parameter in D.parameters():
                     distributed.all_reduce(parameter.grad)
@@ -152,6 +149,15 @@ def train(
         weights = {name: value.detach().cpu().clone() for name, value in D.state_dict().items()}
         state = copy.deepcopy(optimizer.state_dict())
         yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, state)
+
+
+def _losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bfloat16: bool) -> torch.Tensor:
+    """The weighted loss of each pair."""
+    device = next(D.parameters()).device
+    with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
+        outputs = D(*_inputs(D, drawn, device)).float()
+    pairwise = zip(drawn, outputs, strict=True)
+    return torch.stack([pair.weight * loss(output, pair.target.to(device)) for pair, output in pairwise])
 
 
 def _inputs(D: nn.Module, drawn: Sequence[Pair], device: torch.device) -> list[torch.Tensor]:
