@@ -14,7 +14,7 @@ and the rows as .json, with the errors of every choice; they are not measured ag
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from pnpct.evaluation import bias_hu, body_mask, rmse_hu, soft_tissue_mask
 from pnpct.files import load_network, network_file, record_run, write_image
 from pnpct.operators import Projector
 from pnpct.physics import Exposure, Scan, Sinogram, take_log
+from pnpct.reconstruction import ADMMState, mean_iterate, reconstruct
 from pnpct.units import to_hu
 from quality_cases import CONTRAST_HU, QualityCase, cases
 
@@ -69,12 +70,12 @@ class Judge:
         """Judge plug-and-play, and how much its last iteration is worse than its best."""
         errors: list[tuple[float, float]] = []
 
-        def watched(image: Image) -> Image:
-            denoised = denoise(image)
-            errors.append(self.errors(denoised))
-            return denoised
+        def watched(states: Iterable[ADMMState]) -> Image:
+            seen = list(states)
+            errors.extend(self.errors(mean_iterate(seen[:number])) for number in range(1, len(seen) + 1))
+            return mean_iterate(seen)
 
-        image = in_loop(watched)(self.sinograms[0], self.A)
+        image = reconstruct(self.sinograms[0], self.A, denoise, result=watched)
         shares = [of_mask[-1] / min(of_mask) for of_mask in zip(*errors, strict=True)]
         note = "iteration {} has {:.3f} and {:.3f} of the least errors".format(len(errors), *shares)
         return {**self.row(name, in_loop(denoise), image), "note": note}

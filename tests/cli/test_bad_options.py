@@ -35,6 +35,7 @@ OPTIONS = [
     Case("a kernel for pnp", GOOD + " --kernel hann", "--kernel no effect pnp fbp"),
     Case("iterations for fbp", GOOD + " --method fbp --iterations 3", "--iterations no effect fbp pnp or tv"),
     Case("sigma_v for tv", GOOD + " --method tv --sigma-v 20", "--sigma-v no effect tv pnp"),
+    Case("a result for tv", GOOD + " --method tv --result mean", "--result no effect tv pnp"),
     Case("a solver for tv", GOOD + " --method tv --solver cg", "--solver no effect tv pnp"),
     Case("a size of 0", GOOD + " --size 0", "at least one pixel 0"),
     Case("half a pixel", GOOD + " --size 1.5", "--size whole number 1.5 reconstruct --help"),

@@ -10,9 +10,12 @@ import torch
 from mistakes import Case, check, cut, with_text
 
 from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize, make_denoiser
-from pnpct.files import Provenance, load_denoiser, read_image, save_network, sha256_of, write_image
+from pnpct.files import Provenance, load_denoiser, read_image, read_scan, save_network, sha256_of, write_image
 from pnpct.files.checkpoint import ABOUT
 from pnpct.geometry import ImageGrid
+from pnpct.operators import Projector
+from pnpct.physics import take_log
+from pnpct.reconstruction import last_iterate, mean_iterate, reconstruct
 
 TINY = RDNSize(features=4, growth=2, blocks=1, convolutions=2, unshuffle=2)
 
@@ -124,6 +127,38 @@ def test_a_network_can_compute_with_fewer_digits(command, run, made, tmp_path):
         assert said_of(out).settings["bfloat16"] is bool(words)
     exact, quick = (read_image(out)[0] for out in outs)
     assert 0 < (quick - exact).square().mean().sqrt() < 0.01
+
+
+def images_of(run, scan, folder, *words) -> dict[str, torch.Tensor]:
+    """What `pnpct reconstruct` makes by default, with --result last and with --result mean."""
+    images = {}
+    for choice in ("default", "last", "mean"):
+        out = folder / f"{choice}.h5"
+        chosen = [] if choice == "default" else ["--result", choice]
+        assert run("reconstruct", scan, out, "--iterations", "3", "--device", "cpu", *words, *chosen)[0] == 0
+        images[choice], _ = read_image(out)
+        if choice != "default":
+            assert said_of(out).settings["result"] == choice
+    return images
+
+
+def test_around_a_network_the_image_is_the_mean_of_the_iterates(run, made, tmp_path):
+    path = save(tmp_path / "net.safetensors", RDNCBAM(TINY))
+    images = images_of(run, made / "scan.h5", tmp_path, "--denoiser", path)
+    scan, (_, grid) = read_scan(made / "scan.h5"), read_image(made / "image.h5")
+    sinogram, projector = take_log(scan), Projector(grid, scan.geometry, mu_water=scan.mu_water)
+    for result in (last_iterate, mean_iterate):
+        expected = reconstruct(sinogram, projector, load_denoiser(path), iterations=3, result=result)
+        name = result.__name__.removesuffix("_iterate")
+        torch.testing.assert_close(images[name], expected, rtol=0, atol=1e-6)
+    assert torch.equal(images["default"], images["mean"])
+    assert (images["mean"] - images["last"]).abs().max() > 1e-3
+
+
+def test_around_other_denoisers_it_is_the_last_one(run, made, tmp_path):
+    images = images_of(run, made / "scan.h5", tmp_path, "--denoiser", "tv")
+    assert torch.equal(images["default"], images["last"])
+    assert (images["mean"] - images["last"]).abs().max() > 1e-3
 
 
 def test_the_help_of_both_commands_says_that_a_file_will_do(run):

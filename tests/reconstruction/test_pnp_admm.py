@@ -14,7 +14,9 @@ from pnpct.reconstruction import (
     beta_from_sigma_v,
     change,
     fbp,
+    last_iterate,
     mean_diagonal,
+    mean_iterate,
     paper_rule,
     pnp_admm,
     reconstruct,
@@ -212,11 +214,33 @@ def test_until_stops_by_rule_or_by_count(sinogram, A, start):
     assert paper_rule(stopped[-2], stopped[-1])
 
 
+def test_results_are_the_last_and_the_mean_of_the_denoised_iterates(sinogram, A, start):
+    states = list(itertools.islice(pnp_admm(sinogram, A, TotalVariation(0.05), start), 4))
+    assert torch.equal(last_iterate(states), states[-1].v)
+    torch.testing.assert_close(mean_iterate(states), torch.stack([state.v for state in states]).mean(0))
+    for result in (last_iterate, mean_iterate):
+        image = reconstruct(sinogram, A, TotalVariation(0.05), iterations=4, result=result)
+        torch.testing.assert_close(image, result(states))
+
+
+def test_the_mean_does_not_wander_around_a_denoiser_that_does(sinogram, A, start):
+    """A denoiser that adds ±c in turn makes iterates that never settle; their mean does, as fast as 1 / iterations."""
+    sign = itertools.cycle((1.0, -1.0))
+
+    def restless(image: torch.Tensor) -> torch.Tensor:
+        return TotalVariation(0.05)(image) + 0.02 * next(sign)
+
+    states = list(itertools.islice(pnp_admm(sinogram, A, restless, start), 40))
+    assert rms_hu(states[-1].v - states[-2].v) > 10 * rms_hu(mean_iterate(states) - mean_iterate(states[:-1]))
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, beta=0.0)), "beta must be a positive number"),
         (lambda s, A, start: next(until(iter([]), start, iterations=0)), "at least one iteration, got 0"),
+        (lambda s, A, start: mean_iterate([]), "no image without an iteration"),
+        (lambda s, A, start: last_iterate(iter([])), "no image without an iteration"),
         (lambda s, A, start: beta_from_sigma_v(-1.0, s, A), "sigma_v must be a positive number of HU"),
         (lambda s, A, start: solver_by_name("lu"), 'no solver "lu"; the solvers are fourier, cholesky'),
         (lambda s, A, start: solver_by_name("fbp-blend", inner_iterations=2), "takes no inner iterations"),

@@ -7,15 +7,19 @@ from typing import Any
 from pnpct.arrays import Image
 from pnpct.cli.denoisers import TV_STRENGTH, checked_strength, choose_denoiser
 from pnpct.cli.terminal import track, working
+from pnpct.denoisers import DENOISERS
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction import (
+    RESULTS,
     STOP_RULES,
     ADMMState,
+    ResultName,
     RuleName,
     SolverName,
     beta_from_sigma_v,
     fbp,
+    last_iterate,
     pnp_admm,
     sigma_v_from_beta,
     solver_by_name,
@@ -24,7 +28,7 @@ from pnpct.reconstruction import (
 )
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
 from pnpct.reconstruction.pnp_admm import BETA
-from pnpct.reconstruction.reconstruct import ITERATIONS
+from pnpct.reconstruction.reconstruct import ITERATIONS, Result
 from pnpct.reconstruction.solvers import ITERATIVE
 
 Reconstructed = tuple[Image, dict[str, Any]]
@@ -58,9 +62,10 @@ class PlugAndPlay:
     inner_iterations: int | None = None
     bfloat16: bool = False
     stop: RuleName = "relative"
+    result: ResultName | None = None
 
     def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
-        """Return the image, the denoised iterate."""
+        """Return the image: unless it is said, the mean of the iterates around a network, the last around others."""
         if self.beta is not None and self.sigma_v is not None:
             raise ValueError("--beta and --sigma-v say one thing in two units; give one of them.")
         device = sinogram.line_integrals.device
@@ -70,8 +75,9 @@ class PlugAndPlay:
         beta = beta if self.sigma_v is None else beta_from_sigma_v(self.sigma_v, sinogram, projector)
         start = _start(sinogram, projector)
         states = pnp_admm(sinogram, projector, denoise, start, beta=beta, solver=solver)
-        image, how_far = _last(states, start, self.iterations, self.stop)
-        settings = {**asdict(self), **how_far, **of_denoiser, "beta": beta}
+        result = self.result or ("last" if self.denoiser in DENOISERS else "mean")
+        image, how_far = _iterated(states, start, self.iterations, self.stop, RESULTS[result])
+        settings = {**asdict(self), **how_far, **of_denoiser, "beta": beta, "result": result}
         del settings["sigma_v"]
         settings["sigma_v_hu"] = sigma_v_from_beta(beta, sinogram, projector)
         if self.inner_iterations is None and self.solver in ITERATIVE:
@@ -92,7 +98,7 @@ class TotalVariationLeastSquares:
         """Return the image."""
         start = _start(sinogram, projector)
         states = tv_pwls(sinogram, projector, start, strength=checked_strength(self.strength) / 1000, beta=self.beta)
-        image, how_far = _last(states, start, self.iterations, self.stop)
+        image, how_far = _iterated(states, start, self.iterations, self.stop, last_iterate)
         return image, {**asdict(self), **how_far}
 
 
@@ -141,9 +147,18 @@ def _start(sinogram: Sinogram, projector: Projector) -> ADMMState:
     return ADMMState.start(image)
 
 
-def _last(states: Iterator[ADMMState], start: ADMMState, iterations: int, stop: RuleName) -> Reconstructed:
+def _iterated(
+    states: Iterator[ADMMState], start: ADMMState, iterations: int, stop: RuleName, result: Result
+) -> Reconstructed:
     """Iterate with a bar on the terminal; return the image, and how far it went and why no further."""
-    last, done = start, 0
-    for state in track(until(states, start, iterations=iterations, stop=STOP_RULES[stop]), total=iterations, of="ADMM"):
-        last, done = state, done + 1
-    return last.v, {"iterations_done": done, "stopped_by": stop if done < iterations else "iterations"}
+    done = 0
+
+    def counted() -> Iterator[ADMMState]:
+        nonlocal done
+        stopped = until(states, start, iterations=iterations, stop=STOP_RULES[stop])
+        for state in track(stopped, total=iterations, of="ADMM"):
+            done += 1
+            yield state
+
+    image = result(counted())
+    return image, {"iterations_done": done, "stopped_by": stop if done < iterations else "iterations"}

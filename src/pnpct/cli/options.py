@@ -7,7 +7,7 @@ from pnpct.cli.denoisers import CHOICES, STRENGTHS, TV_STRENGTH
 from pnpct.cli.methods import FilteredBackProjection, Method, PlugAndPlay, make_method
 from pnpct.cli.parsing import option
 from pnpct.operators import Kernel
-from pnpct.reconstruction import RuleName, SolverName
+from pnpct.reconstruction import ResultName, RuleName, SolverName
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
 from pnpct.reconstruction.pnp_admm import BETA
 
@@ -32,6 +32,7 @@ class MethodOptions:
         inner_iterations: Least steps of the solver in each iteration of pnp; it takes more while its residual is large.
         bfloat16: Let a network compute with fewer digits, about twice as quick on hardware made for it.
         stop: Rule that ends pnp and tv before: relative at convergence, paper after a few iterations.
+        result: What the image of pnp is, the last of the denoised iterates, as in the paper, or the mean of them all.
     """
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"
@@ -45,6 +46,7 @@ class MethodOptions:
     inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None
     bfloat16: bool = False
     stop: Annotated[RuleName | None, option(default=PlugAndPlay.stop)] = None
+    result: Annotated[ResultName | None, option(default="mean around networks, else last")] = None
 
     def chosen_method(self) -> Method:
         """Return the method with the options that were given.

@@ -8,7 +8,7 @@ from pnpct.comparison.results import Method
 from pnpct.denoisers import Denoise, Gaussian
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
-from pnpct.reconstruction import STOP_RULES, ADMMState, fbp, reconstruct, tv_pwls, until
+from pnpct.reconstruction import STOP_RULES, ADMMState, fbp, last_iterate, mean_iterate, reconstruct, tv_pwls, until
 from pnpct.reconstruction.pnp_admm import BETA
 from pnpct.reconstruction.reconstruct import ITERATIONS
 from pnpct.reconstruction.tv_pwls import STRENGTH
@@ -47,8 +47,7 @@ def total_variation(strength_hu: float = 1000 * STRENGTH) -> Candidate:
     def make(sinogram: Sinogram, A: Projector) -> Image:
         start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
         states = tv_pwls(sinogram, A, start, strength=strength_hu / 1000)
-        *_, last = until(states, start, iterations=ITERATIONS, stop=STOP_RULES["relative"])
-        return last.v
+        return last_iterate(until(states, start, iterations=ITERATIONS, stop=STOP_RULES["relative"]))
 
     return Candidate(method, make)
 
@@ -68,9 +67,13 @@ def plug_and_play(
     beta: float = BETA,
     iterations: int = ITERATIONS,
 ) -> Candidate:
-    """Return plug-and-play ADMM around a denoiser."""
+    """Return plug-and-play ADMM around a trained denoiser."""
     method = Method(name, label, "plug-and-play", {**settings, "beta": beta, "iterations": iterations})
-    return Candidate(method, lambda sinogram, A: reconstruct(sinogram, A, denoise, beta=beta, iterations=iterations))
+
+    def make(sinogram: Sinogram, A: Projector) -> Image:
+        return reconstruct(sinogram, A, denoise, beta=beta, iterations=iterations, result=mean_iterate)
+
+    return Candidate(method, make)
 
 
 def _sharp(sinogram: Sinogram, A: Projector) -> Image:
