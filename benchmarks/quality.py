@@ -1,14 +1,15 @@
 """How far each method is from the truth, on scans that took no part in training.
 
     python benchmarks/quality.py FOLDER [--cases abdomen,chest,head,pelvis,catsim-chest] [--doses 40,70,100]
-        [--n2n n2n] [--supervised supervised] [--red-cnn RED-CNN.safetensors]
+        [--n2n n2n] [--supervised supervised] [--red-cnn RED-CNN.safetensors] [--seed 0]
 
 Prints for every case and dose, in HU: RMSE in soft tissue and in the body, bias in uniform soft tissue, the share of
 a lesion of 12 mm and -40 HU that is kept (difference of two scans with the same noise), and for plug-and-play the RMSE
 of the last iteration over that of the best, in soft tissue and in the body; last the mean over the cases. FBP has the
 kernel, the blur its width and total variation its strength with the least RMSE in soft tissue of this very scan: an
 oracle that the learned methods do not have. The folder gets the exposures of the cases, the images as .h5 and .png,
-and the rows as .json, with the errors of every choice; they are not measured again. Empty it for another network.
+and the rows as .json, with the errors of every choice; they are not measured again. Take another folder for another
+network or seed.
 """
 
 import argparse
@@ -44,8 +45,8 @@ Rows = dict[str, Row]
 class Judge:
     """Measures the methods on one case at one dose."""
 
-    def __init__(self, case: QualityCase, dose: float, folder: Path) -> None:
-        self.case, self.dose, self.folder = case, dose, folder
+    def __init__(self, case: QualityCase, dose: float, folder: Path, seed: int) -> None:
+        self.case, self.dose, self.folder, self.seed = case, dose, folder, seed
         self.truth = case.plain.truth
         self.soft, self.body = soft_tissue_mask(self.truth), body_mask(self.truth)
         exposures = [case.plain.exposure, *([case.lesion.exposure] if case.lesion else [])]
@@ -54,7 +55,8 @@ class Judge:
         self.sinograms = [take_log(scan) for scan in scans]
 
     def scan(self, exposure: Exposure) -> Scan:
-        return exposure.scan(tube_current_ma=self.dose, generator=torch.Generator().manual_seed(int(self.dose)))
+        generator = torch.Generator().manual_seed(1000 * self.seed + int(self.dose))
+        return exposure.scan(tube_current_ma=self.dose, generator=generator)
 
     def errors(self, image: Image) -> tuple[float, float]:
         return rmse_hu(image, self.truth, mask=self.soft), rmse_hu(image, self.truth, mask=self.body)
@@ -98,11 +100,13 @@ def in_loop(denoise: Denoise) -> Method:
     return plug_and_play("", "", denoise, {}).make
 
 
-def judge(case: QualityCase, dose: float, folder: Path, networks: dict[str, Denoise], *, classical: bool) -> Rows:
+def judge(
+    case: QualityCase, dose: float, folder: Path, networks: dict[str, Denoise], *, seed: int, classical: bool
+) -> Rows:
     """Return the rows of one case at one dose, and keep them in the folder."""
     file = folder / f"{case.name}-{dose:g}mA.json"
     rows: Rows = json.loads(file.read_text()) if file.exists() else {}
-    judged = Judge(case, dose, folder)
+    judged = Judge(case, dose, folder, seed)
     work: dict[str, Callable[[str], Row]] = {}
     if classical:
         work["FBP"] = partial(judged.best, choices={kernel: filtered(kernel).make for kernel in KERNELS})
@@ -147,6 +151,7 @@ def main() -> None:
     options.add_argument("--n2n", default="n2n", help="two-stage network; empty for none")
     options.add_argument("--supervised", default="supervised")
     options.add_argument("--red-cnn", default="")
+    options.add_argument("--seed", type=int, default=0, help="of the noise")
     options.add_argument("--no-classical", action="store_true", help="networks alone")
     given = options.parse_args()
     files = {"RED-CNN": given.red_cnn, "supervised": given.supervised, "two-stage": given.n2n}
@@ -154,11 +159,12 @@ def main() -> None:
     print("| case | mA | method | soft tissue | body | bias | lesion kept | |\n|---|---|---|---|---|---|---|---|")
     doses = [float(dose) for dose in given.doses.split(",")]
     rows: dict[float, list[Rows]] = {dose: [] for dose in doses}
+    what = {"seed": given.seed, "classical": not given.no_classical}
     for case in cases(given.folder, given.cases.split(",")):
         truth = given.folder / f"{case.name}-truth.h5"
         write_image(truth, case.plain.truth, case.plain.grid, provenance=record_run(sys.argv))
         for dose in doses:
-            rows[dose].append(judge(case, dose, given.folder, networks, classical=not given.no_classical))
+            rows[dose].append(judge(case, dose, given.folder, networks, **what))
     for dose, of_cases in rows.items():
         for name, row in means(of_cases).items():
             say("mean", dose, name, row)
