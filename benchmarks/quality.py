@@ -4,12 +4,12 @@
         [--n2n n2n] [--supervised supervised] [--red-cnn RED-CNN.safetensors] [--seed 0]
 
 Prints for every case and dose, in HU: RMSE in soft tissue and in the body, bias in uniform soft tissue, the share of
-a lesion of 12 mm and -40 HU that is kept (difference of two scans with the same noise), and for plug-and-play the RMSE
-of the last iteration over that of the best, in soft tissue and in the body; last the mean over the cases. FBP has the
-kernel, the blur its width and total variation its strength with the least RMSE in soft tissue of this very scan: an
-oracle that the learned methods do not have. The folder gets the exposures of the cases, the images as .h5 and .png,
-and the rows as .json, with the errors of every choice; they are not measured again. Take another folder for another
-network or seed.
+a lesion of 12 mm and -40 HU that is kept (difference of two scans with the same noise), and for plug-and-play the
+RMSE after all iterations over that after the best number of them, in soft tissue and in the body; last the mean over
+the cases. FBP has the kernel, the blur its width and total variation its strength with the least RMSE in soft tissue
+of this very scan: an oracle that the learned methods do not have. The folder gets the exposures of the cases, the
+images as .h5 and .png, and the rows as .json, with the errors of every choice; they are not measured again. Take
+another folder for another network, seed or version.
 """
 
 import argparse
@@ -69,7 +69,7 @@ class Judge:
         return {**self.row(name, choices[choice], images[choice]), "note": choice, "choices": errors}
 
     def loop(self, name: str, denoise: Denoise) -> Row:
-        """Judge plug-and-play, and how much its last iteration is worse than its best."""
+        """Judge plug-and-play, and how much worse it is after all iterations than after the best number of them."""
         errors: list[tuple[float, float]] = []
 
         def watched(states: Iterable[ADMMState]) -> Image:
@@ -79,7 +79,7 @@ class Judge:
 
         image = reconstruct(self.sinograms[0], self.A, denoise, result=watched)
         shares = [of_mask[-1] / min(of_mask) for of_mask in zip(*errors, strict=True)]
-        note = "iteration {} has {:.3f} and {:.3f} of the least errors".format(len(errors), *shares)
+        note = "after {} iterations {:.3f} and {:.3f} of the least errors".format(len(errors), *shares)
         return {**self.row(name, in_loop(denoise), image), "note": note}
 
     def row(self, name: str, method: Method, image: Image | None = None) -> Row:
@@ -90,7 +90,7 @@ class Judge:
             kept = 100 * float(change[self.case.core].mean()) / CONTRAST_HU
         path = self.folder / f"{self.case.name}-{self.dose:g}mA-{name.replace(',', '').replace(' ', '-')}"
         for suffix in (".png", ".h5"):
-            write_image(f"{path}{suffix}", image, self.case.plain.grid, provenance=record_run(sys.argv))
+            write_image(f"{path}{suffix}", image, self.case.plain.grid, provenance=record_run(sys.argv, seed=self.seed))
         soft, body = self.errors(image)
         bias = bias_hu(image, self.truth, mask=self.case.uniform)
         return {"soft tissue": soft, "body": body, "bias": bias, "lesion kept": kept, "note": ""}

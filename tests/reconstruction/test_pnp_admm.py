@@ -224,7 +224,7 @@ def test_results_are_the_last_and_the_mean_of_the_denoised_iterates(sinogram, A,
 
 
 def test_the_mean_does_not_wander_around_a_denoiser_that_does(sinogram, A, start):
-    """A denoiser that adds ±c in turn makes iterates that never settle; their mean does, as fast as 1 / iterations."""
+    """A denoiser that adds ±c in turn makes iterates that never settle; their mean does."""
     sign = itertools.cycle((1.0, -1.0))
 
     def restless(image: torch.Tensor) -> torch.Tensor:

@@ -32,7 +32,7 @@ class MethodOptions:
         inner_iterations: Least steps of the solver in each iteration of pnp; it takes more while its residual is large.
         bfloat16: Let a network compute with fewer digits, about twice as quick on hardware made for it.
         stop: Rule that ends pnp and tv before: relative at convergence, paper after a few iterations.
-        result: What the image of pnp is, the last of the denoised iterates, as in the paper, or the mean of them all.
+        result: What the image of pnp is, the last of the denoised iterates or the mean of them all.
     """
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"

@@ -68,7 +68,9 @@ def plug_and_play(
     iterations: int = ITERATIONS,
 ) -> Candidate:
     """Return plug-and-play ADMM around a trained denoiser."""
-    method = Method(name, label, "plug-and-play", {**settings, "beta": beta, "iterations": iterations})
+    method = Method(
+        name, label, "plug-and-play", {**settings, "beta": beta, "iterations": iterations, "result": "mean"}
+    )
 
     def make(sinogram: Sinogram, A: Projector) -> Image:
         return reconstruct(sinogram, A, denoise, beta=beta, iterations=iterations, result=mean_iterate)
