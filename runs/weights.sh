@@ -38,13 +38,13 @@ train sixth fifth 1 13 "" "${around_third[@]}" --examples 95 --discount 0.5 --le
 
 # From here on the reference has next to no noise, and soon the contrast of soft tissue weighs more and texture less. The
 # last two learn what the loop looks like around the eighth, and then around the ninth.
-train seventh sixth 1 19 "" "${around_third[@]}" --reference-ma 100000 --learning-rate 1e-3 --decay 0.87
-train eighth seventh 1 8 "--texture-weight 0 --contrast-weight 3e-4" "${around_third[@]}" --reference-ma 100000 \
+train seventh sixth 1 19 "" "${around_third[@]}" --reference 100000 --learning-rate 1e-3 --decay 0.87
+train eighth seventh 1 8 "--texture-weight 0 --contrast-weight 3e-4" "${around_third[@]}" --reference 100000 \
   --learning-rate 1e-3 --decay 0.8
 soft="--texture-weight 1e-5 --contrast-weight 3e-4"
-train ninth eighth 1 31 "$soft" --highest-ma 400 --reference-ma 100000 --seed 5 --examples 96 --loop-denoiser eighth.safetensors \
+train ninth eighth 1 31 "$soft" --highest-ma 400 --reference 100000 --seed 5 --examples 96 --loop-denoiser eighth.safetensors \
   --loop-iterations 16 --learning-rate 1e-3 --decay 0.88
-train tenth ninth 1 11 "$soft" --highest-ma 400 --reference-ma 100000 --seed 6 --examples 64 --loop-denoiser ninth.safetensors \
+train tenth ninth 1 11 "$soft" --highest-ma 400 --reference 100000 --seed 6 --examples 64 --loop-denoiser ninth.safetensors \
   --loop-iterations 10 --learning-rate 7e-4 --decay 0.75
 
 # RED-CNN, the baseline from outside, for 35 minutes of one core; its steps take ten times as long.

@@ -85,9 +85,32 @@ def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
     assert "remove it to begin anew" in err
 
 
+def test_patients_of_further_data_sets_are_learnt_from_too(dataset: Path, tmp_path: Path, run) -> None:
+    further = tmp_path / "further"
+    assert run("simulate", "dataset", further, *DATASET.replace("pelvis", "head").split(), "--seed", "9")[0] == 0
+    losses = []
+    for name, words in (("alone", ()), ("both", ("--also", further))):
+        status, out, err = run("train", dataset, tmp_path / f"{name}.safetensors", *TRAIN.split(), *words)
+        assert (status, err) == (0, "")
+        losses.append([line.split(",")[0] for line in out.splitlines()])
+    assert losses[0] != losses[1]
+    about = json.loads((tmp_path / "both.safetensors.json").read_text())["about"]
+    assert about["settings"]["also"] == [sha256_of(further / "manifest.json")]
+    status, _, err = run("train", dataset, tmp_path / "c.safetensors", *TRAIN.split(), "--also", tmp_path / "nothing")
+    assert status == 2
+    assert "nothing" in err
+
+
 def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, run) -> None:
     says = set()
-    choices = ("--losses corrected", "--losses paper", "--texture-weight 0", "--contrast-weight 3e-4")
+    choices = (
+        "--losses corrected",
+        "--losses paper",
+        "--texture-weight 0",
+        "--contrast-weight 3e-4",
+        "--reference truth",
+        "--reference least-squares",
+    )
     for number, words in enumerate(choices):
         status, out, _ = run("train", dataset, tmp_path / f"{number}.safetensors", *TRAIN.split(), *words.split())
         assert status == 0
@@ -107,7 +130,7 @@ def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, ru
         ("--batch 3", "batches of 3"),
         ("--batch 2 --learning-rate 0", "learning rate"),
         ("--lowest-ma 300", "Tube currents"),
-        ("--reference-ma 100", "high dose 100 mA"),
+        ("--reference 100", "high dose 100 mA"),
         ("--texture-weight -1", "from 0 up -1"),
         ("--contrast-weight nan", "from 0 up nan"),
         ("--size huge", "--size small medium original red-cnn"),
@@ -162,13 +185,14 @@ def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_pa
 @pytest.mark.parametrize(
     "words",
     [
+        "--also other",
         "--loop-denoiser tv",
         "--loop-iterations 3",
         "--kept images",
         "--examples 1000",
         "--lowest-ma 20",
         "--highest-ma 200",
-        "--reference-ma 800",
+        "--reference 800",
     ],
 )
 def test_options_of_a_data_set_are_refused_for_a_single_scan(tmp_path: Path, run, words: str) -> None:

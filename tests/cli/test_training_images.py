@@ -6,7 +6,7 @@ from itertools import islice
 import pytest
 import torch
 
-from pnpct.cli.training_images import BETAS, LoopImage, fbp_image, view_subset_images
+from pnpct.cli.training_images import BETAS, LoopImage, fbp_image, least_squares_image, view_subset_images
 from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
@@ -32,6 +32,12 @@ def fan(geometry: FanBeam) -> FanBeam:
 @pytest.fixture(scope="module")
 def scan(disk: torch.Tensor, grid: ImageGrid, fan: FanBeam) -> Scan:
     return scan_of(disk, grid, fan, incident=2e4)
+
+
+def test_least_squares_makes_a_quiet_scan_sharper_than_fbp(disk: torch.Tensor, grid: ImageGrid, fan: FanBeam) -> None:
+    quiet = scan_of(disk, grid, fan, incident=1e9)
+    sharp, blurred = (float((make(quiet, grid) - disk).std()) for make in (least_squares_image, fbp_image))
+    assert sharp < 0.5 * blurred
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4])

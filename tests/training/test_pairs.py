@@ -12,7 +12,7 @@ from pnpct.simulation import Phantom, clinical_fan_beam, expose, scanner_beam
 from pnpct.training import Examples, Pairs
 from pnpct.training.augmentation import Augmentation, change_alike
 
-GRID = ImageGrid(12, 12, spacing=20.0)
+GRID = ImageGrid(12, 8, spacing=20.0)
 
 
 def picture(scan: Scan, grid: ImageGrid, generator: torch.Generator) -> torch.Tensor:
@@ -30,7 +30,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     phantom = Phantom(("water",), torch.ones(1, 10, 10), ImageGrid(10, 10, spacing=15.0))
     slices = {
         voltage: ExposedSlice(
-            expose(phantom, fan, scanner_beam(fan, tube_voltage_kvp=voltage)), torch.ones(12, 12), GRID
+            expose(phantom, fan, scanner_beam(fan, tube_voltage_kvp=voltage)), torch.ones(12, 8), GRID
         )
         for voltage in (80.0, 120.0)
     }
@@ -43,7 +43,7 @@ def test_a_number_is_always_the_same_example_and_another_number_another(file: Pa
     examples = Examples([file], picture, (), seed=3)
     first, again, other = examples(5), Examples([file], picture, (), seed=3)(5), examples(6)
     assert torch.equal(first.low, again.low)
-    assert torch.equal(first.high, again.high)
+    assert torch.equal(first.reference, again.reference)
     assert not torch.equal(first.low, other.low)
     assert not torch.equal(first.low, Examples([file], picture, (), seed=4)(5).low)
 
@@ -73,18 +73,36 @@ def test_the_images_of_an_example_show_one_slice_with_independent_noise(file: Pa
 def test_the_high_dose_has_less_noise(file: Path) -> None:
     examples = [Examples([file], picture, (), seed=0)(number) for number in range(40)]
     assert (
-        torch.stack([each.high for each in examples]).std() < 0.5 * torch.stack([each.low for each in examples]).std()
+        torch.stack([each.reference for each in examples]).std()
+        < 0.5 * torch.stack([each.low for each in examples]).std()
     )
 
 
 def test_the_current_of_the_high_dose_changes_its_noise_and_nothing_else(file: Path, tmp_path: Path) -> None:
     usual, higher = (
-        [Examples([file], picture, (), seed=0, reference_ma=current, kept=tmp_path)(number) for number in range(40)]
+        [Examples([file], picture, (), seed=0, reference=current, kept=tmp_path)(number) for number in range(40)]
         for current in (800.0, 80000.0)
     )
-    noise = [torch.stack([example.high - 1 for example in examples]).std() for examples in (usual, higher)]
+    noise = [torch.stack([example.reference - 1 for example in examples]).std() for examples in (usual, higher)]
     assert float(noise[0] / noise[1]) == pytest.approx(10.0, rel=0.05)
     assert all(torch.equal(one.low, other.low) for one, other in zip(usual, higher, strict=True))
+
+
+def test_the_truth_as_reference_changes_what_is_learnt_towards_and_nothing_else(file: Path, tmp_path: Path) -> None:
+    scanned, true = (
+        Examples([file], picture, (doubled,), seed=0, reference=reference, kept=tmp_path)(3)
+        for reference in (800.0, "truth")
+    )
+    assert torch.equal(true.low, scanned.low)
+    torch.testing.assert_close(true.reference, torch.ones(12, 8))
+
+
+def test_the_image_at_high_dose_can_be_made_in_another_way(file: Path, tmp_path: Path) -> None:
+    alike, otherwise = (
+        Examples([file], picture, (doubled,), seed=0, make_reference=make, kept=tmp_path)(3) for make in (None, doubled)
+    )
+    assert torch.equal(otherwise.low, alike.low)
+    torch.testing.assert_close(otherwise.reference, 2 * alike.reference)
 
 
 def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
@@ -171,6 +189,6 @@ def test_examples_that_cannot_be_drawn_are_refused(file: Path) -> None:
     with pytest.raises(ValueError, match="Tube currents"):
         Examples([file], picture, (), seed=0, tube_currents_ma=(200.0, 20.0))
     with pytest.raises(ValueError, match="high dose is at least"):
-        Examples([file], picture, (), seed=0, reference_ma=100.0)
+        Examples([file], picture, (), seed=0, reference=100.0)
     with pytest.raises(ValueError, match="square of 99 pixels"):
         Pairs(Examples([file], picture, (), seed=0), "noisy", seed=0, side=99)(0)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import torch
 from torch import nn
@@ -13,8 +13,8 @@ from typing_extensions import override
 
 from pnpct.cli.grids import grid_for
 from pnpct.cli.terminal import working
-from pnpct.cli.training_images import view_subset_images
-from pnpct.cli.training_setup import examples_of, validate
+from pnpct.cli.training_images import QUIET_MA, least_squares_image, view_subset_images
+from pnpct.cli.training_setup import examples_of, manifests_of, validate
 from pnpct.files import MANIFEST, network_file, read_scan, sha256_of
 from pnpct.training import (
     CONTRAST_WEIGHT,
@@ -23,6 +23,7 @@ from pnpct.training import (
     Examples,
     Form,
     Pairs,
+    Reference,
     SplitViewPairs,
     mean_squared_error,
     stage_one_loss,
@@ -30,6 +31,8 @@ from pnpct.training import (
     train,
     two_stage,
 )
+
+ReferenceName: TypeAlias = Reference | Literal["least-squares"]
 
 
 @dataclass(frozen=True)
@@ -51,20 +54,22 @@ class Lesson:
 class Supervised:
     """Learn from dose pairs of a data set alone."""
 
+    also: tuple[Path, ...] = ()
     loop_denoiser: str | None = None
     loop_iterations: int = 3
     examples: int = 1000
     kept: Path | None = None
     lowest_ma: float = 20.0
     highest_ma: float = 200.0
-    reference_ma: float = Examples.reference_ma
+    reference: ReferenceName = Examples.reference
     discount: float = Pairs.discount
 
     def settings(self) -> dict[str, Any]:
         """Return all options that the weights depend on."""
         settings = asdict(self)
         del settings["kept"]
-        return {**settings, "loop_denoiser": self.loop_denoiser and sha256_of(network_file(self.loop_denoiser))}
+        denoiser = self.loop_denoiser and sha256_of(network_file(self.loop_denoiser))
+        return {**settings, "also": manifests_of(self.also), "loop_denoiser": denoiser}
 
     def digest(self, data: Path) -> str:
         """Return the SHA-256 of the data set's manifest."""
@@ -80,14 +85,14 @@ class Supervised:
         """Return what a network learns from the data set."""
         examples = partial(
             examples_of,
-            data,
+            (data, *self.also),
             loop_denoiser=self.loop_denoiser,
             loop_iterations=self.loop_iterations,
             bfloat16=bfloat16,
             device=device,
             seed=seed,
             tube_currents_ma=(self.lowest_ma, self.highest_ma),
-            reference_ma=self.reference_ma,
+            **_reference(self.reference),
             kept=self.kept,
         )
         validation = examples(split="validation")
@@ -163,6 +168,13 @@ class SingleScan:
         pairs = SplitViewPairs(images, seed, side=side)
         taught = partial(train, pairs=pairs, stage="single-scan", loss=mean_squared_error, epochs=epochs)
         return Lesson(taught, epochs, lambda _: {})
+
+
+def _reference(name: ReferenceName) -> dict[str, Any]:
+    """Options of `Examples`."""
+    if name == "least-squares":
+        return {"reference": QUIET_MA, "make_reference": least_squares_image}
+    return {"reference": name}
 
 
 METHODS: dict[str, type[TwoStage | Supervised | SingleScan]] = {

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pnpct.cli.methods import check_effect
 from pnpct.cli.parsing import option
-from pnpct.cli.training_methods import METHODS, SingleScan, Supervised, TwoStage
+from pnpct.cli.training_methods import METHODS, ReferenceName, SingleScan, Supervised, TwoStage
 from pnpct.training import Form
 
 
@@ -18,6 +18,7 @@ class TrainingOptions:
         method: two-stage begins with noise to noise and ends with dose pairs; supervised has dose pairs alone;
             single-scan sets parts of the views of one scan against each other.
         parts: Parts that the views are dealt out to, for single-scan; each of at least 30 views.
+        also: Further data sets whose patients are learnt from.
         loop_denoiser: Network that denoises in the loop of ADMM, from which half of the noisy images come; total
             variation of random strength if none is given.
         loop_iterations: Most iterations of that loop.
@@ -29,12 +30,14 @@ class TrainingOptions:
         kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
-        reference_ma: Tube current of high-dose scans, mA; the higher, the less noise there is to learn around.
+        reference: What is learnt towards: FBP images of scans at this tube current, mA; the sharper least-squares image
+            of a scan next to noise; or truth, what was scanned.
         discount: Power of the noise by which noisy pairs count less: 0 counts all alike, 2 much less.
     """
 
     method: Literal["two-stage", "supervised", "single-scan"] = "two-stage"
     parts: Annotated[int | None, option(default=SingleScan.parts)] = None
+    also: Annotated[tuple[Path, ...] | None, option(default="none")] = None
     loop_denoiser: str | None = None
     loop_iterations: Annotated[int | None, option(default=TwoStage.loop_iterations)] = None
     fine_tuning_epochs: Annotated[int | None, option(default=TwoStage.fine_tuning_epochs)] = None
@@ -45,7 +48,7 @@ class TrainingOptions:
     kept: Path | None = None
     lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
-    reference_ma: Annotated[float | None, option(default=TwoStage.reference_ma)] = None
+    reference: Annotated[ReferenceName | None, option(default=TwoStage.reference)] = None
     discount: Annotated[float | None, option(default=TwoStage.discount)] = None
 
     def chosen_method(self) -> TwoStage | Supervised | SingleScan:

@@ -1,7 +1,7 @@
 """What `pnpct train` learns from, and how the processes of one run find each other."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
@@ -24,7 +24,7 @@ VALIDATION_PAIRS = 8
 
 
 def examples_of(
-    dataset: Path,
+    datasets: Sequence[Path],
     split: Split,
     *,
     loop_denoiser: str | None,
@@ -33,11 +33,11 @@ def examples_of(
     device: torch.device,
     **options: Any,
 ) -> Examples:
-    """Return the examples of one part of a data set, as images of FBP and of the loop of ADMM.
+    """Return the examples of one part of data sets, as images of FBP and of the loop of ADMM.
 
     Args:
-        dataset: Folder that `pnpct simulate dataset` has made.
-        split: Which part of it.
+        datasets: Folders that `pnpct simulate dataset` has made.
+        split: Which part of them.
         loop_denoiser: Network that denoises in the loop, by name or file; total variation if None.
         loop_iterations: Most iterations of the loop.
         bfloat16: Whether that network computes in bfloat16.
@@ -50,20 +50,25 @@ def examples_of(
     """
     if loop_iterations < 1:
         raise ValueError(f"The loop needs at least one iteration, got {loop_iterations}.")
-    files = [dataset / name for name in read_manifest(dataset).files(split)]
+    files = [dataset / name for dataset in datasets for name in read_manifest(dataset).files(split)]
     if not files:
-        raise ValueError(f"{dataset} has no patients for {split}; simulate more of them.")
+        raise ValueError(f"{datasets[0]} has no patients for {split}; simulate more of them.")
     loop = LoopImage(iterations=loop_iterations)
     if loop_denoiser is not None:
         path = network_file(loop_denoiser)
         network = load_network(path).to(device)
         name = f"{sha256_of(path)}{' in bfloat16' if bfloat16 else ''}"
         loop = LoopImage(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations)
-    return Examples(files, fbp_image, (loop,), source=sha256_of(dataset / MANIFEST), **options)
+    return Examples(files, fbp_image, (loop,), source=" ".join(manifests_of(datasets)), **options)
+
+
+def manifests_of(datasets: Sequence[Path]) -> list[str]:
+    """Return the SHA-256 of the manifest of each data set."""
+    return [sha256_of(dataset / MANIFEST) for dataset in datasets]
 
 
 def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
-    """Return how far the network's outputs are from the high-dose images, by what its input was.
+    """Return how far the network's outputs are from the references, by what its input was.
 
     The number is the RMS difference, HU, of the pair in the middle: the noise of one reference must not decide.
     """
@@ -75,7 +80,7 @@ def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
             for name, image in zip(errors, (example.low[0], *example.others), strict=True):
                 level = [torch.tensor(example.noise_level, device=device)] if is_told_noise_level(D) else []
                 output = D(image[None].to(device), *level)[0].float().cpu()
-                errors[name].append(float((to_hu(output) - to_hu(example.high)).square().mean()))
+                errors[name].append(float((to_hu(output) - to_hu(example.reference)).square().mean()))
     return {name: median(squares) ** 0.5 for name, squares in errors.items()}
 
 

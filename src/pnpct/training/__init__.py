@@ -1,6 +1,6 @@
 """From noisy images to the weights of a denoiser."""
 
-from pnpct.training.examples import Example, Examples, MakeImage
+from pnpct.training.examples import Example, Examples, MakeImage, Reference
 from pnpct.training.losses import (
     CONTRAST_WEIGHT,
     TEXTURE_WEIGHT,
@@ -28,6 +28,7 @@ __all__ = [
     "MakeImage",
     "Pair",
     "Pairs",
+    "Reference",
     "SplitViewPairs",
     "Stage",
     "contrast_loss",

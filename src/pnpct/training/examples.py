@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import torch
@@ -19,8 +19,11 @@ from pnpct.files import atomic_path, read_exposure, tube_voltages
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 
-REFERENCE_MA = 800.0
-"""Tube current of a usual scan at high dose, mA."""
+Reference: TypeAlias = float | Literal["truth"]
+"""What is learnt towards: the image of a scan at this tube current, mA, or what was scanned, without any blur."""
+
+REFERENCE: Reference = 800.0
+"""A usual scan at high dose."""
 
 MakeImage: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Image]
 """From a scan to an image on a grid, with random settings where there are any."""
@@ -28,17 +31,17 @@ MakeImage: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Image]
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """One slice, scanned twice at a low dose, with noise of its own each time, and once at a high dose.
+    """One slice, scanned twice at a low dose, with noise of its own each time, and what it looks like without.
 
     Args:
         low: FBP images of the two low-dose scans.
         others: The first of these scans, made in other ways.
-        high: FBP image of the high-dose scan.
+        reference: Image of a scan at high dose, or the truth.
     """
 
     low: Float[Tensor, "scans=2 rows cols"]
     others: Float[Tensor, "ways rows cols"]
-    high: Image
+    reference: Image
 
     @property
     def noise_level(self) -> float:
@@ -58,8 +61,9 @@ class Examples:
         others: Other ways to make images, of which a denoiser shall know the noise.
         seed: Of everything that is drawn.
         tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
-        reference_ma: Tube current of the high-dose scans, mA. Their noise does not mislead a network, but drowns what
-            it could learn wherever its output is nearer to the truth than they are.
+        reference: Tube current of high-dose scans, mA, or "truth". The noise of scans does not mislead a network, but
+            drowns what it could learn wherever its output is nearer to the truth than they are; their blur it learns.
+        make_reference: How the image of the high-dose scan is made; None makes it as those of low dose.
         kept: Folder that examples are kept in, since making one takes longer than learning from it; None keeps none.
         source: What the files are, such as the SHA-256 of their manifest; it tells kept examples of data sets apart.
 
@@ -72,7 +76,8 @@ class Examples:
     others: Sequence[MakeImage]
     seed: int
     tube_currents_ma: tuple[float, float] = (20.0, 200.0)
-    reference_ma: float = REFERENCE_MA
+    reference: Reference = REFERENCE
+    make_reference: MakeImage | None = None
     kept: Path | None = None
     source: str = ""
 
@@ -82,8 +87,8 @@ class Examples:
             raise ValueError("Examples are drawn from at least one file, got none.")
         if not 0 < low <= high < math.inf:
             raise ValueError(f"Tube currents are positive and rising, in mA, got {low} and {high}.")
-        if not high <= self.reference_ma < math.inf:
-            raise ValueError(f"The high dose is at least the low dose of up to {high} mA, got {self.reference_ma} mA.")
+        if self.reference != "truth" and not high <= self.reference < math.inf:
+            raise ValueError(f"The high dose is at least the low dose of up to {high} mA, got {self.reference} mA.")
 
     def __call__(self, number: int) -> Example:
         """Draw the example of a number, from 0 on, or read it where it is kept.
@@ -109,9 +114,9 @@ class Examples:
     def _fingerprint(self) -> str:
         """What an example depends on besides its number, so that those of other training are not taken for it."""
         names = [f"{path.parent.name}/{path.name}" for path in self.files]
-        makes = (self.make, *self.others)
+        makes = (self.make, *self.others, *([] if self.make_reference is None else [self.make_reference]))
         ways = [repr(make) if is_dataclass(make) else getattr(make, "__qualname__", "") for make in makes]
-        depends = repr((self.source, names, ways, self.seed, self.tube_currents_ma, self.reference_ma))
+        depends = repr((self.source, names, ways, self.seed, self.tube_currents_ma, self.reference))
         return hashlib.sha256(depends.encode()).hexdigest()[:12]
 
     def _drawn(self, number: int) -> Example:
@@ -120,14 +125,14 @@ class Examples:
         path = self.files[int(draw.integers(len(self.files)))]
         voltages = tube_voltages(path)
         exposed = read_exposure(path, tube_voltage_kvp=voltages[int(draw.integers(len(voltages)))])
-        if (grid := exposed.grid) is None:
+        if (grid := exposed.grid) is None or (truth := exposed.truth) is None:
             raise ValueError(f"{path} does not say where the pixels of the truth are.")
         low, high = np.log(self.tube_currents_ma)
         current = float(np.exp(draw.uniform(low, high)))
-        first, second, reference = (
-            exposed.exposure.scan(tube_current_ma=each, generator=generator)
-            for each in (current, current, self.reference_ma)
-        )
-        fbp = torch.stack([self.make(scan, grid, generator) for scan in (first, second, reference)])
-        others = [make(first, grid, generator) for make in self.others]
-        return Example(fbp[:2], torch.stack(others) if others else fbp[:0], fbp[2])
+        scans = [exposed.exposure.scan(tube_current_ma=current, generator=generator) for _ in range(2)]
+        low = torch.stack([self.make(scan, grid, generator) for scan in scans])
+        others = [make(scans[0], grid, generator) for make in self.others]
+        if self.reference != "truth":
+            make = self.make_reference or self.make
+            truth = make(exposed.exposure.scan(tube_current_ma=self.reference, generator=generator), grid, generator)
+        return Example(low, torch.stack(others) if others else low[:0], truth)
