@@ -35,7 +35,7 @@ from quality_cases import CONTRAST_HU, QualityCase, cases
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
-STRENGTHS_HU = (50.0, 80.0, 120.0, 180.0, 270.0)
+STRENGTHS_HU = (30.0, 50.0, 80.0, 120.0, 180.0, 270.0, 400.0)
 
 Method = Callable[[Sinogram, Projector], Image]
 Row = dict[str, Any]
