@@ -94,6 +94,7 @@ def test_the_truth_as_reference_changes_what_is_learnt_towards_and_nothing_else(
         for reference in (800.0, "truth")
     )
     assert torch.equal(true.low, scanned.low)
+    assert torch.equal(true.others, scanned.others)
     torch.testing.assert_close(true.reference, torch.ones(12, 8))
 
 
@@ -190,5 +191,7 @@ def test_examples_that_cannot_be_drawn_are_refused(file: Path) -> None:
         Examples([file], picture, (), seed=0, tube_currents_ma=(200.0, 20.0))
     with pytest.raises(ValueError, match="high dose is at least"):
         Examples([file], picture, (), seed=0, reference=100.0)
+    with pytest.raises(ValueError, match="truth is not made of a scan"):
+        Examples([file], picture, (), seed=0, reference="truth", make_reference=doubled)
     with pytest.raises(ValueError, match="square of 99 pixels"):
         Pairs(Examples([file], picture, (), seed=0), "noisy", seed=0, side=99)(0)

@@ -28,6 +28,12 @@ STRENGTHS_HU = (15.0, 120.0)
 """Lowest and highest strength of total variation, HU × pixel, drawn likewise."""
 
 
+QUIET_MA = 1e6
+"""Tube current of a scan next to no noise, mA: 1 HU in an FBP image."""
+
+SHARPENING_STEPS = 15
+"""Conjugate-gradient steps after which the image of such a scan is sharp; more of them bring ripples."""
+
 LEAST_VIEWS = 30
 """Views of a part of a scan; FBP takes views of a turn that are farther apart, from 15 degrees on, for gaps."""
 
@@ -35,13 +41,6 @@ LEAST_VIEWS = 30
 def fbp_image(scan: Scan, grid: ImageGrid, _: torch.Generator | None = None) -> Image:
     """Return the sharpest image, with all its noise."""
     return fbp(take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water), kernel="ram-lak")
-
-
-QUIET_MA = 1e6
-"""Tube current of a scan next to noise, mA: 1 HU in an FBP image."""
-
-SHARPENING_STEPS = 15
-"""Conjugate-gradient steps after which the image of such a scan is sharp; more of them bring ripples."""
 
 
 def least_squares_image(scan: Scan, grid: ImageGrid, _: torch.Generator | None = None) -> Image:

@@ -31,7 +31,7 @@ class TrainingOptions:
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
         reference: What is learnt towards: FBP images of scans at this tube current, mA; the sharper least-squares image
-            of a scan next to noise; or truth, what was scanned.
+            of a scan with next to no noise; or truth, what was scanned.
         discount: Power of the noise by which noisy pairs count less: 0 counts all alike, 2 much less.
     """
 

@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -89,6 +89,8 @@ class Examples:
             raise ValueError(f"Tube currents are positive and rising, in mA, got {low} and {high}.")
         if self.reference != "truth" and not high <= self.reference < math.inf:
             raise ValueError(f"The high dose is at least the low dose of up to {high} mA, got {self.reference} mA.")
+        if self.reference == "truth" and self.make_reference is not None:
+            raise ValueError("The truth is not made of a scan; leave out how the image of the high-dose scan is made.")
 
     def __call__(self, number: int) -> Example:
         """Draw the example of a number, from 0 on, or read it where it is kept.
@@ -116,7 +118,8 @@ class Examples:
         names = [f"{path.parent.name}/{path.name}" for path in self.files]
         makes = (self.make, *self.others, *([] if self.make_reference is None else [self.make_reference]))
         ways = [repr(make) if is_dataclass(make) else getattr(make, "__qualname__", "") for make in makes]
-        depends = repr((self.source, names, ways, self.seed, self.tube_currents_ma, self.reference))
+        kinds = [each.name for each in fields(Example)]
+        depends = repr((self.source, kinds, names, ways, self.seed, self.tube_currents_ma, self.reference))
         return hashlib.sha256(depends.encode()).hexdigest()[:12]
 
     def _drawn(self, number: int) -> Example:
@@ -127,12 +130,12 @@ class Examples:
         exposed = read_exposure(path, tube_voltage_kvp=voltages[int(draw.integers(len(voltages)))])
         if (grid := exposed.grid) is None or (truth := exposed.truth) is None:
             raise ValueError(f"{path} does not say where the pixels of the truth are.")
-        low, high = np.log(self.tube_currents_ma)
-        current = float(np.exp(draw.uniform(low, high)))
+        current = float(np.exp(draw.uniform(*np.log(self.tube_currents_ma))))
         scans = [exposed.exposure.scan(tube_current_ma=current, generator=generator) for _ in range(2)]
         low = torch.stack([self.make(scan, grid, generator) for scan in scans])
         others = [make(scans[0], grid, generator) for make in self.others]
+        reference = truth
         if self.reference != "truth":
-            make = self.make_reference or self.make
-            truth = make(exposed.exposure.scan(tube_current_ma=self.reference, generator=generator), grid, generator)
-        return Example(low, torch.stack(others) if others else low[:0], truth)
+            high = exposed.exposure.scan(tube_current_ma=self.reference, generator=generator)
+            reference = (self.make_reference or self.make)(high, grid, generator)
+        return Example(low, torch.stack(others) if others else low[:0], reference)
