@@ -109,7 +109,7 @@ def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, ru
         "--texture-weight 0",
         "--contrast-weight 3e-4",
         "--reference truth",
-        "--reference least-squares",
+        "--reference noise-free",
     )
     for number, words in enumerate(choices):
         status, out, _ = run("train", dataset, tmp_path / f"{number}.safetensors", *TRAIN.split(), *words.split())

@@ -6,7 +6,7 @@ from itertools import islice
 import pytest
 import torch
 
-from pnpct.cli.training_images import BETAS, LoopImage, fbp_image, least_squares_image, view_subset_images
+from pnpct.cli.training_images import BETAS, LoopImage, fbp_image, unchanged, view_subset_images
 from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
@@ -32,12 +32,6 @@ def fan(geometry: FanBeam) -> FanBeam:
 @pytest.fixture(scope="module")
 def scan(disk: torch.Tensor, grid: ImageGrid, fan: FanBeam) -> Scan:
     return scan_of(disk, grid, fan, incident=2e4)
-
-
-def test_least_squares_makes_a_quiet_scan_sharper_than_fbp(disk: torch.Tensor, grid: ImageGrid, fan: FanBeam) -> None:
-    quiet = scan_of(disk, grid, fan, incident=1e9)
-    sharp, blurred = (float((make(quiet, grid) - disk).std()) for make in (least_squares_image, fbp_image))
-    assert sharp < 0.5 * blurred
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4])
@@ -112,6 +106,17 @@ def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid
         for _ in islice(pnp_admm(sinogram, A, watched, start, beta=share), iterations):
             pass
         torch.testing.assert_close(image, given[-1], rtol=0, atol=1e-4)
+
+
+def test_around_what_changes_nothing_the_loop_goes_from_fbp_towards_what_the_rays_say(
+    disk: torch.Tensor, grid: ImageGrid, fan: FanBeam
+) -> None:
+    quiet = scan_of(disk, grid, fan, incident=1e9)
+    images = [LoopImage(unchanged, "none", most)(quiet, grid, torch.Generator().manual_seed(2)) for most in (1, 3, 9)]
+    blurred = fbp(take_log(quiet).line_integrals, Projector(grid, fan, mu_water=MU_WATER), kernel="soft")
+    errors = [float((image - disk).square().mean()) for image in (blurred, *images)]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.2 * errors[0]
 
 
 def _beta_and_iterations(seed: int) -> tuple[float, int]:

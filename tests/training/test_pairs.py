@@ -24,6 +24,10 @@ def doubled(scan: Scan, grid: ImageGrid, generator: torch.Generator) -> torch.Te
     return 2 * picture(scan, grid, generator)
 
 
+def randomly_scaled(scan: Scan, grid: ImageGrid, generator: torch.Generator) -> torch.Tensor:
+    return (1 + torch.rand((), generator=generator)) * picture(scan, grid, generator)
+
+
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fan = clinical_fan_beam(views=12, bins=30)
@@ -43,7 +47,7 @@ def test_a_number_is_always_the_same_example_and_another_number_another(file: Pa
     examples = Examples([file], picture, (), seed=3)
     first, again, other = examples(5), Examples([file], picture, (), seed=3)(5), examples(6)
     assert torch.equal(first.low, again.low)
-    assert torch.equal(first.reference, again.reference)
+    assert torch.equal(first.references, again.references)
     assert not torch.equal(first.low, other.low)
     assert not torch.equal(first.low, Examples([file], picture, (), seed=4)(5).low)
 
@@ -73,7 +77,7 @@ def test_the_images_of_an_example_show_one_slice_with_independent_noise(file: Pa
 def test_the_high_dose_has_less_noise(file: Path) -> None:
     examples = [Examples([file], picture, (), seed=0)(number) for number in range(40)]
     assert (
-        torch.stack([each.reference for each in examples]).std()
+        torch.stack([each.references for each in examples]).std()
         < 0.5 * torch.stack([each.low for each in examples]).std()
     )
 
@@ -83,7 +87,7 @@ def test_the_current_of_the_high_dose_changes_its_noise_and_nothing_else(file: P
         [Examples([file], picture, (), seed=0, reference=current, kept=tmp_path)(number) for number in range(40)]
         for current in (800.0, 80000.0)
     )
-    noise = [torch.stack([example.reference - 1 for example in examples]).std() for examples in (usual, higher)]
+    noise = [torch.stack([example.references - 1 for example in examples]).std() for examples in (usual, higher)]
     assert float(noise[0] / noise[1]) == pytest.approx(10.0, rel=0.05)
     assert all(torch.equal(one.low, other.low) for one, other in zip(usual, higher, strict=True))
 
@@ -95,21 +99,34 @@ def test_the_truth_as_reference_changes_what_is_learnt_towards_and_nothing_else(
     )
     assert torch.equal(true.low, scanned.low)
     assert torch.equal(true.others, scanned.others)
-    torch.testing.assert_close(true.reference, torch.ones(12, 8))
+    torch.testing.assert_close(true.references, torch.ones(2, 12, 8))
 
 
-def test_the_image_at_high_dose_can_be_made_in_another_way(file: Path, tmp_path: Path) -> None:
-    alike, otherwise = (
-        Examples([file], picture, (doubled,), seed=0, make_reference=make, kept=tmp_path)(3) for make in (None, doubled)
+def test_each_way_to_make_images_can_have_a_reference_of_its_own(file: Path, tmp_path: Path) -> None:
+    alike, each = (
+        Examples([file], picture, (doubled,), seed=0, make_references=ways, kept=tmp_path)(3)
+        for ways in (None, (picture, doubled))
     )
-    assert torch.equal(otherwise.low, alike.low)
-    torch.testing.assert_close(otherwise.reference, 2 * alike.reference)
+    assert torch.equal(each.low, alike.low)
+    assert torch.equal(alike.references[0], alike.references[1])
+    torch.testing.assert_close(each.references, torch.stack([alike.references[0], 2 * alike.references[0]]))
+
+
+def test_an_image_and_its_reference_are_made_with_the_same_random_settings(file: Path) -> None:
+    examples = Examples([file], picture, (randomly_scaled,), seed=0, make_references=(picture, randomly_scaled))
+    scales = []
+    for number in range(5):
+        example = examples(number)
+        of_image, of_reference = example.others[0] / example.low[0], example.references[1] / example.references[0]
+        torch.testing.assert_close(of_image, of_reference)
+        scales.append(float(of_image.mean()))
+    assert len(set(scales)) == 5
 
 
 def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
     examples = Examples([file], picture, (doubled,), seed=0)
-    low, other, high = vars(examples(0)).values()
-    for kind, targets in (("noisy", low), ("dose", high[None])):
+    low, other, references = vars(examples(0)).values()
+    for kind, targets in (("noisy", low), ("dose", references)):
         pairs = Pairs(examples, kind, seed=0, distinct=1, augment=False)
         drawn = [pairs(number) for number in range(40)]
         for image in (*low, *other):
@@ -192,6 +209,8 @@ def test_examples_that_cannot_be_drawn_are_refused(file: Path) -> None:
     with pytest.raises(ValueError, match="high dose is at least"):
         Examples([file], picture, (), seed=0, reference=100.0)
     with pytest.raises(ValueError, match="truth is not made of a scan"):
-        Examples([file], picture, (), seed=0, reference="truth", make_reference=doubled)
+        Examples([file], picture, (), seed=0, reference="truth", make_references=(picture,))
+    with pytest.raises(ValueError, match="made in 2 ways have as many references, not 1"):
+        Examples([file], picture, (doubled,), seed=0, make_references=(picture,))
     with pytest.raises(ValueError, match="square of 99 pixels"):
         Pairs(Examples([file], picture, (), seed=0), "noisy", seed=0, side=99)(0)

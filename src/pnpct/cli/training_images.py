@@ -15,7 +15,6 @@ from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import ADMMState, fbp, pnp_admm
-from pnpct.reconstruction.normal_equations import conjugate_gradient
 
 BETAS = (0.7, 1.5)
 """Lowest and highest penalty, between which it is drawn evenly in its logarithm: around the default.
@@ -29,10 +28,7 @@ STRENGTHS_HU = (15.0, 120.0)
 
 
 QUIET_MA = 1e6
-"""Tube current of a scan next to no noise, mA: 1 HU in an FBP image."""
-
-SHARPENING_STEPS = 15
-"""Conjugate-gradient steps after which the image of such a scan is sharp; more of them bring ripples."""
+"""Tube current of a scan with next to no noise, mA: 1 HU in an FBP image."""
 
 LEAST_VIEWS = 30
 """Views of a part of a scan; FBP takes views of a turn that are farther apart, from 15 degrees on, for gaps."""
@@ -41,17 +37,6 @@ LEAST_VIEWS = 30
 def fbp_image(scan: Scan, grid: ImageGrid, _: torch.Generator | None = None) -> Image:
     """Return the sharpest image, with all its noise."""
     return fbp(take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water), kernel="ram-lak")
-
-
-def least_squares_image(scan: Scan, grid: ImageGrid, _: torch.Generator | None = None) -> Image:
-    """Return what the rays of a quiet scan say, all alike: sharper than FBP, since the projector blurs as rays do."""
-    line_integrals, A = take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water)
-    start = fbp(line_integrals, A, kernel="ram-lak")
-
-    def H(image: Image) -> Image:
-        return A.adjoint(A(image))
-
-    return conjugate_gradient(H, A.adjoint(line_integrals), start, H(start), iterations=SHARPENING_STEPS)[0]
 
 
 def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor, "parts *slices rows cols"]:
@@ -91,7 +76,8 @@ class LoopImage:
     """What the denoiser gets in one of the first iterations of ADMM, x + u, whose noise has another colour than FBP's.
 
     Args:
-        denoiser: What denoised in the iterations before; total variation of random strength if None.
+        denoiser: What denoised in the iterations before; total variation of random strength if None. Around what leaves
+            the images of a quiet scan `unchanged`, this is what an iteration shows once all noise is taken away.
         name: What the denoiser is, for telling images apart.
         iterations: Most iterations, ≥ 1.
     """
@@ -118,6 +104,11 @@ class LoopImage:
         for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta), iterations):
             pass
         return shown[-1]
+
+
+def unchanged(image: Image) -> Image:
+    """Denoise what has no noise."""
+    return image
 
 
 def _evenly_in_logarithm(low: float, high: float, generator: torch.Generator) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import torch
 from torch import nn
@@ -13,8 +13,8 @@ from typing_extensions import override
 
 from pnpct.cli.grids import grid_for
 from pnpct.cli.terminal import working
-from pnpct.cli.training_images import QUIET_MA, least_squares_image, view_subset_images
-from pnpct.cli.training_setup import examples_of, manifests_of, validate
+from pnpct.cli.training_images import view_subset_images
+from pnpct.cli.training_setup import ReferenceName, examples_of, manifests_of, validate
 from pnpct.files import MANIFEST, network_file, read_scan, sha256_of
 from pnpct.training import (
     CONTRAST_WEIGHT,
@@ -23,7 +23,6 @@ from pnpct.training import (
     Examples,
     Form,
     Pairs,
-    Reference,
     SplitViewPairs,
     mean_squared_error,
     stage_one_loss,
@@ -31,8 +30,6 @@ from pnpct.training import (
     train,
     two_stage,
 )
-
-ReferenceName: TypeAlias = Reference | Literal["least-squares"]
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ class Supervised:
             device=device,
             seed=seed,
             tube_currents_ma=(self.lowest_ma, self.highest_ma),
-            **_reference(self.reference),
+            reference=self.reference,
             kept=self.kept,
         )
         validation = examples(split="validation")
@@ -168,13 +165,6 @@ class SingleScan:
         pairs = SplitViewPairs(images, seed, side=side)
         taught = partial(train, pairs=pairs, stage="single-scan", loss=mean_squared_error, epochs=epochs)
         return Lesson(taught, epochs, lambda _: {})
-
-
-def _reference(name: ReferenceName) -> dict[str, Any]:
-    """Options of `Examples`."""
-    if name == "least-squares":
-        return {"reference": QUIET_MA, "make_reference": least_squares_image}
-    return {"reference": name}
 
 
 METHODS: dict[str, type[TwoStage | Supervised | SingleScan]] = {

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pnpct.cli.methods import check_effect
 from pnpct.cli.parsing import option
-from pnpct.cli.training_methods import METHODS, ReferenceName, SingleScan, Supervised, TwoStage
+from pnpct.cli.training_methods import METHODS, SingleScan, Supervised, TwoStage
+from pnpct.cli.training_setup import ReferenceName
 from pnpct.training import Form
 
 
@@ -30,8 +31,8 @@ class TrainingOptions:
         kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
-        reference: What is learnt towards: FBP images of scans at this tube current, mA; the sharper least-squares image
-            of a scan with next to no noise; or truth, what was scanned.
+        reference: What is learnt towards: FBP images of scans at this tube current, mA; noise-free, which is what each
+            image would be without its noise, just as blurred; or truth, what was scanned.
         discount: Power of the noise by which noisy pairs count less: 0 counts all alike, 2 much less.
     """
 

@@ -3,21 +3,25 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeAlias, TypeVar, cast
 
 import torch
 from torch import distributed, nn
 
-from pnpct.cli.training_images import LoopImage, fbp_image
+from pnpct.cli.training_images import QUIET_MA, LoopImage, fbp_image, unchanged
 from pnpct.denoisers import as_denoiser
 from pnpct.denoisers.noise_level import is_told_noise_level
 from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
-from pnpct.training import Examples
+from pnpct.training import Examples, Reference
 from pnpct.units import to_hu
 
 State = TypeVar("State")
+
+ReferenceName: TypeAlias = Reference | Literal["noise-free"]
+"""As of `Examples`, or what each image would be without its noise, with the same blur."""
 
 VALIDATION_PAIRS = 8
 """Pairs that the progress of training is judged by; always the same."""
@@ -31,6 +35,7 @@ def examples_of(
     loop_iterations: int,
     bfloat16: bool,
     device: torch.device,
+    reference: ReferenceName,
     **options: Any,
 ) -> Examples:
     """Return the examples of one part of data sets, as images of FBP and of the loop of ADMM.
@@ -42,6 +47,7 @@ def examples_of(
         loop_iterations: Most iterations of the loop.
         bfloat16: Whether that network computes in bfloat16.
         device: Where it computes.
+        reference: What is learnt towards.
         **options: As for `Examples`.
 
     Raises:
@@ -59,7 +65,11 @@ def examples_of(
         network = load_network(path).to(device)
         name = f"{sha256_of(path)}{' in bfloat16' if bfloat16 else ''}"
         loop = LoopImage(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations)
-    return Examples(files, fbp_image, (loop,), source=" ".join(manifests_of(datasets)), **options)
+    towards: dict[str, Any] = {"reference": reference}
+    if reference == "noise-free":
+        perfect = replace(loop, denoiser=unchanged, name="none")
+        towards = {"reference": QUIET_MA, "make_references": (fbp_image, perfect)}
+    return Examples(files, fbp_image, (loop,), source=" ".join(manifests_of(datasets)), **towards, **options)
 
 
 def manifests_of(datasets: Sequence[Path]) -> list[str]:
@@ -77,10 +87,11 @@ def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
     with torch.no_grad():
         for number in range(VALIDATION_PAIRS):
             example = examples(number)
-            for name, image in zip(errors, (example.low[0], *example.others), strict=True):
+            images = example.low[0], *example.others
+            for name, image, reference in zip(errors, images, example.references, strict=True):
                 level = [torch.tensor(example.noise_level, device=device)] if is_told_noise_level(D) else []
                 output = D(image[None].to(device), *level)[0].float().cpu()
-                errors[name].append(float((to_hu(output) - to_hu(example.reference)).square().mean()))
+                errors[name].append(float((to_hu(output) - to_hu(reference)).square().mean()))
     return {name: median(squares) ** 0.5 for name, squares in errors.items()}
 
 

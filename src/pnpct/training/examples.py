@@ -36,12 +36,12 @@ class Example:
     Args:
         low: FBP images of the two low-dose scans.
         others: The first of these scans, made in other ways.
-        reference: Image of a scan at high dose, or the truth.
+        references: What to learn towards: from the FBP images first, then from each of the others.
     """
 
     low: Float[Tensor, "scans=2 rows cols"]
-    others: Float[Tensor, "ways rows cols"]
-    reference: Image
+    others: Float[Tensor, "others rows cols"]
+    references: Float[Tensor, "1+others rows cols"]
 
     @property
     def noise_level(self) -> float:
@@ -63,7 +63,8 @@ class Examples:
         tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
         reference: Tube current of high-dose scans, mA, or "truth". The noise of scans does not mislead a network, but
             drowns what it could learn wherever its output is nearer to the truth than they are; their blur it learns.
-        make_reference: How the image of the high-dose scan is made; None makes it as those of low dose.
+        make_references: How images of the high-dose scan are made, for `make` and for each of `others`, with the same
+            random settings as theirs; None makes one, by `make`, for all.
         kept: Folder that examples are kept in, since making one takes longer than learning from it; None keeps none.
         source: What the files are, such as the SHA-256 of their manifest; it tells kept examples of data sets apart.
 
@@ -77,7 +78,7 @@ class Examples:
     seed: int
     tube_currents_ma: tuple[float, float] = (20.0, 200.0)
     reference: Reference = REFERENCE
-    make_reference: MakeImage | None = None
+    make_references: Sequence[MakeImage] | None = None
     kept: Path | None = None
     source: str = ""
 
@@ -89,8 +90,14 @@ class Examples:
             raise ValueError(f"Tube currents are positive and rising, in mA, got {low} and {high}.")
         if self.reference != "truth" and not high <= self.reference < math.inf:
             raise ValueError(f"The high dose is at least the low dose of up to {high} mA, got {self.reference} mA.")
-        if self.reference == "truth" and self.make_reference is not None:
-            raise ValueError("The truth is not made of a scan; leave out how the image of the high-dose scan is made.")
+        if self.make_references is not None:
+            if self.reference == "truth":
+                raise ValueError("The truth is not made of a scan; leave out how images of high-dose scans are made.")
+            if len(self.make_references) != 1 + len(self.others):
+                ways = 1 + len(self.others)
+                raise ValueError(
+                    f"Images made in {ways} ways have as many references, not {len(self.make_references)}."
+                )
 
     def __call__(self, number: int) -> Example:
         """Draw the example of a number, from 0 on, or read it where it is kept.
@@ -116,7 +123,7 @@ class Examples:
     def _fingerprint(self) -> str:
         """What an example depends on besides its number, so that those of other training are not taken for it."""
         names = [f"{path.parent.name}/{path.name}" for path in self.files]
-        makes = (self.make, *self.others, *([] if self.make_reference is None else [self.make_reference]))
+        makes = (self.make, *self.others, *(self.make_references or ()))
         ways = [repr(make) if is_dataclass(make) else getattr(make, "__qualname__", "") for make in makes]
         kinds = [each.name for each in fields(Example)]
         depends = repr((self.source, kinds, names, ways, self.seed, self.tube_currents_ma, self.reference))
@@ -132,10 +139,18 @@ class Examples:
             raise ValueError(f"{path} does not say where the pixels of the truth are.")
         current = float(np.exp(draw.uniform(*np.log(self.tube_currents_ma))))
         scans = [exposed.exposure.scan(tube_current_ma=current, generator=generator) for _ in range(2)]
-        low = torch.stack([self.make(scan, grid, generator) for scan in scans])
-        others = [make(scans[0], grid, generator) for make in self.others]
-        reference = truth
-        if self.reference != "truth":
+        settings = int(draw.integers(2**62))
+
+        def made(make: MakeImage, scan: Scan) -> Image:
+            return make(scan, grid, torch.Generator().manual_seed(settings))
+
+        low = torch.stack([made(self.make, scan) for scan in scans])
+        others = [made(make, scans[0]) for make in self.others]
+        if self.reference == "truth":
+            references = [truth]
+        else:
             high = exposed.exposure.scan(tube_current_ma=self.reference, generator=generator)
-            reference = (self.make_reference or self.make)(high, grid, generator)
-        return Example(low, torch.stack(others) if others else low[:0], reference)
+            references = [made(make, high) for make in self.make_references or [self.make]]
+        if len(references) == 1:
+            references *= 1 + len(others)
+        return Example(low, torch.stack(others) if others else low[:0], torch.stack(references))

@@ -41,14 +41,14 @@ class Pairs:
     """Pairs by number: the same number is the same pair, whoever asks, in whatever order.
 
     The input is made in any of the ways of the example, except those that diverged, as the loop may at metal: one such
-    image outweighs thousands. The target is never of the loop: the noise of FBP has a mean of zero, and it keeps what
-    ADMM may have lost on its way. A pair counts the less, the noisier its FBP images are, or the lowest doses would
-    drown what the others teach.
+    image outweighs thousands. The target of noisy pairs is never of the loop: the noise of FBP has a mean of zero, and
+    it keeps what ADMM may have lost on its way. A pair counts the less, the noisier its FBP images are, or the lowest
+    doses would drown what the others teach.
 
     Args:
         examples: Examples by number, as `Examples` is.
         kind: "noisy" pairs are two low-dose scans, either of which may be the input (criss-cross); in "dose" pairs
-            the target is the reference.
+            the target is the reference of that way.
         seed: Of everything that is drawn.
         distinct: How many examples there are before they come again, each time changed in another way; None never
             repeats one.
@@ -71,12 +71,12 @@ class Pairs:
         draw = np.random.default_rng([self.seed, number])
         example = self.examples(number if self.distinct is None else number % self.distinct)
         fbp, limit = example.low, _DIVERGED * example.low.abs().max()
-        others = [image for image in example.others if image.abs().max() <= limit]
-        way, first = int(draw.integers(1 + len(others))), int(draw.integers(2))
+        ways = [0, *(way for way, image in enumerate(example.others, 1) if image.abs().max() <= limit)]
+        way, first = ways[int(draw.integers(len(ways)))], int(draw.integers(2))
         if way > 0:
             first = 0
-        noisy = fbp[first] if way == 0 else others[way - 1]
-        target = fbp[1 - first] if self.kind == "noisy" else example.reference
+        noisy = fbp[first] if way == 0 else example.others[way - 1]
+        target = fbp[1 - first] if self.kind == "noisy" else example.references[way]
         weight = (_NOISE / max(example.noise_level, 1e-5)) ** self.discount
         noisy, target = change_alike([noisy, target], draw, augment=self.augment, side=self.side)
         return Pair(noisy, target, weight, noise_level=example.noise_level)
