@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 
 HERE = Path(__file__).parent
 LOGS = HERE.parents[1] / "runs" / "weights"
-ROUNDS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
+ROUNDS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth", "eleventh")
 CHAINS = {
     "two-stage": (*ROUNDS, "n2n"),
     "supervised": (*(f"{name}-supervised" for name in ROUNDS), "supervised"),
@@ -33,7 +33,7 @@ def main() -> None:
         for name in names[:-1]:
             done += sum(1 for line in (LOGS / f"{name}.log").read_text().splitlines() if LINE.match(line))
             panel.axvline(done + 0.5, color="0.4", linestyle=":", linewidth=1)
-        panel.set(title=title, xlabel="epoch", ylim=(20, 65))
+        panel.set(title=title, xlabel="epoch", ylim=(15, 65))
         panel.legend(loc="upper right", fontsize=8)
     axes[0].set_ylabel("difference from the reference, HU RMS")
     figure.savefig(HERE / "training.png", dpi=110)
