@@ -33,7 +33,7 @@ def as_denoiser(
             what the first has left, and some of the finest detail.
         bfloat16: Compute with 8 bits of precision instead of 24 inside the network, about twice as quick on hardware
             made for it. The image itself is not rounded: behind the `n2n` that comes with the package the
-            result changes by 0.2 HU (root mean square) where the noise was 10 or 50 HU, by 0.3 HU where it was 200.
+            result changes by 0.1, 0.2 and 0.3 HU (root mean square) where the noise was 10, 50 and 200 HU.
         batch: Slices that are worked on together, at least 1. On a processor one is quickest; more keep a graphics
             card busy and need more memory.
 
