@@ -124,7 +124,7 @@ def test_an_image_and_its_reference_are_made_with_the_same_random_settings(file:
 
 
 def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
-    examples = Examples([file], picture, (doubled,), seed=0)
+    examples = Examples([file], picture, (doubled,), seed=0, make_references=(picture, doubled))
     low, other, references = vars(examples(0)).values()
     for kind, targets in (("noisy", low), ("dose", references)):
         pairs = Pairs(examples, kind, seed=0, distinct=1, augment=False)
@@ -138,18 +138,23 @@ def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
             torch.equal(pair.target, low[0]) and (torch.equal(pair.input, low[0]) or torch.equal(pair.input, other[0]))
             for pair in drawn
         )
+    towards = {int(torch.equal(pair.input, other[0])): pair.target for pair in drawn}  # of the dose pairs
+    assert torch.equal(towards[0], references[0])
+    assert torch.equal(towards[1], references[1])
 
 
 def test_images_of_a_loop_that_diverged_are_left_out(file: Path) -> None:
     def diverged(*scan_grid_generator: Any) -> torch.Tensor:
         return 100 * picture(*scan_grid_generator)
 
-    examples = Examples([file], picture, (diverged, doubled), seed=0)
-    _, (_, usual), high = vars(examples(0)).values()
+    ways = picture, diverged, doubled
+    examples = Examples([file], picture, ways[1:], seed=0, make_references=ways)
+    _, (_, usual), references = vars(examples(0)).values()
     pairs = Pairs(examples, "dose", seed=0, distinct=1, augment=False)
-    drawn = [pairs(number).input for number in range(40)]
-    assert max(float(image.max()) for image in drawn) < 10 * float(high.max())
-    assert any(torch.equal(image, usual) for image in drawn)
+    drawn = [pairs(number) for number in range(40)]
+    assert max(float(pair.input.max()) for pair in drawn) < 10 * float(references[0].max())
+    (towards, *_) = [pair.target for pair in drawn if torch.equal(pair.input, usual)]
+    assert torch.equal(towards, references[2])
 
 
 def test_a_pair_with_twice_the_noise_counts_half(file: Path) -> None:

@@ -76,8 +76,8 @@ class LoopImage:
     """What the denoiser gets in one of the first iterations of ADMM, x + u, whose noise has another colour than FBP's.
 
     Args:
-        denoiser: What denoised in the iterations before; total variation of random strength if None. Around what leaves
-            the images of a quiet scan `unchanged`, this is what an iteration shows once all noise is taken away.
+        denoiser: What denoised in the iterations before; total variation of random strength if None. With `unchanged`
+            and a quiet scan: what an iteration shows without noise.
         name: What the denoiser is, for telling images apart.
         iterations: Most iterations, ≥ 1.
     """

@@ -31,8 +31,8 @@ class TrainingOptions:
         kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
-        reference: What is learnt towards: FBP images of scans at this tube current, mA; noise-free, which is what each
-            image would be without its noise, just as blurred; or truth, what was scanned.
+        reference: What dose pairs learn towards: FBP images of scans at this tube current, mA; noise-free, which is
+            what each image would be without its noise, just as blurred; or truth, what was scanned.
         discount: Power of the noise by which noisy pairs count less: 0 counts all alike, 2 much less.
     """
 

@@ -69,7 +69,8 @@ class Examples:
         source: What the files are, such as the SHA-256 of their manifest; it tells kept examples of data sets apart.
 
     Raises:
-        ValueError: If there are no files, or the currents are not positive and rising.
+        ValueError: If there are no files, the currents are not positive and rising or the high one is below the low
+            ones, the truth shall be made of a scan, or there is not one reference for each way.
     """
 
     files: Sequence[Path]
