@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 import torch
 
-from pnpct.cli.training_images import LoopImage, fbp_image, unchanged
+from pnpct.cli.training_images import LoopImages, fbp_image, unchanged
 from pnpct.cli.training_setup import VALIDATION_PAIRS, examples_of, validate
 from pnpct.files import sha256_of
 from pnpct.files.checkpoint import load_network
@@ -105,9 +105,10 @@ def test_patients_of_further_data_sets_are_learnt_from_too(dataset: Path, tmp_pa
 
 
 def test_without_noise_each_image_has_a_reference_of_its_own_kind(dataset: Path) -> None:
-    options = {"loop_denoiser": None, "loop_iterations": 5, "bfloat16": False, "device": torch.device("cpu"), "seed": 0}
+    loop = {"loop_denoiser": None, "loop_iterations": 5, "loop_images": 2}
+    options = {**loop, "bfloat16": False, "device": torch.device("cpu"), "seed": 0}
     examples = examples_of([dataset], "train", reference="noise-free", **options)
-    assert examples.make_references == (fbp_image, LoopImage(unchanged, "none", 5))
+    assert examples.make_references == (fbp_image, LoopImages(unchanged, "none", 5, 2))
     quiet = examples_of([dataset], "train", reference="noise-free", tube_currents_ma=(1e6, 1e6), **options)(0)
     torch.testing.assert_close(quiet.low[0], quiet.references[0], rtol=0, atol=0.02)
     assert (quiet.references[1] - quiet.references[0]).abs().max() > 0.1
@@ -119,12 +120,19 @@ def test_without_noise_each_image_has_a_reference_of_its_own_kind(dataset: Path)
     drawn = [examples(number) for number in range(VALIDATION_PAIRS)]
     pairs = {
         "fbp": [example.low[0] - example.references[0] for example in drawn],
-        "loop": [example.others[0] - example.references[1] for example in drawn],
+        "loop": [image for example in drawn for image in example.others - example.references[1:]],
     }
     errors = {
         name: float(torch.stack(found).square().mean((1, 2)).quantile(0.5)) ** 0.5 for name, found in pairs.items()
     }
     assert validate(Unchanged(1, 1), examples) == pytest.approx({k: 1000 * e for k, e in errors.items()}, rel=1e-4)
+
+
+@pytest.mark.parametrize("images", ["0", "4"])
+def test_a_loop_has_as_many_images_as_iterations(dataset: Path, tmp_path: Path, run, images: str) -> None:
+    status, _, err = run("train", dataset, tmp_path / "a.safetensors", *TRAIN.split(), "--loop-images", images)
+    assert status == 2
+    assert err == f"pnpct: 3 iterations give 1 to 3 images, not {images}.\n"
 
 
 def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, run) -> None:
@@ -214,6 +222,7 @@ def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_pa
         "--also other",
         "--loop-denoiser tv",
         "--loop-iterations 3",
+        "--loop-images 1",
         "--kept images",
         "--examples 1000",
         "--lowest-ma 20",

@@ -6,7 +6,7 @@ from itertools import islice
 import pytest
 import torch
 
-from pnpct.cli.training_images import BETAS, LoopImage, fbp_image, unchanged, view_subset_images
+from pnpct.cli.training_images import BETAS, LoopImages, fbp_image, unchanged, view_subset_images
 from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
@@ -90,10 +90,10 @@ def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth
 def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid) -> None:
     """After some iterations the image is x + u of plug-and-play ADMM with the same denoiser, of the next one."""
     denoise, given = Gaussian(0.8), []
-    drawn = LoopImage(denoise, "blur", iterations=3)
+    drawn = LoopImages(denoise, "blur", iterations=3, number=2)
     for seed in range(4):
-        image = drawn(scan, grid, torch.Generator().manual_seed(seed))
-        share, iterations = _beta_and_iterations(seed)
+        images = drawn(scan, grid, torch.Generator().manual_seed(seed))
+        beta, iterations = _beta_and_iterations(seed)
         A = Projector(grid, scan.geometry, mu_water=scan.mu_water)
         sinogram = take_log(scan)
 
@@ -103,25 +103,25 @@ def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid
 
         given.clear()
         start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=share), iterations):
+        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta), 3):
             pass
-        torch.testing.assert_close(image, given[-1], rtol=0, atol=1e-4)
+        torch.testing.assert_close(images, torch.stack([given[k] for k in iterations]), rtol=0, atol=1e-4)
 
 
 def test_around_what_changes_nothing_the_loop_goes_from_fbp_towards_what_the_rays_say(
     disk: torch.Tensor, grid: ImageGrid, fan: FanBeam
 ) -> None:
     quiet = scan_of(disk, grid, fan, incident=1e9)
-    images = [LoopImage(unchanged, "none", most)(quiet, grid, torch.Generator().manual_seed(2)) for most in (1, 3, 9)]
+    images = LoopImages(unchanged, "none", 9, 9)(quiet, grid, torch.Generator().manual_seed(2))[[0, 2, 8]]
     blurred = fbp(take_log(quiet).line_integrals, Projector(grid, fan, mu_water=MU_WATER), kernel="soft")
     errors = [float((image - disk).square().mean()) for image in (blurred, *images)]
     assert errors == sorted(errors, reverse=True)
     assert errors[-1] < 0.2 * errors[0]
 
 
-def _beta_and_iterations(seed: int) -> tuple[float, int]:
-    """What is drawn, in its order: strength, penalty, iterations."""
+def _beta_and_iterations(seed: int) -> tuple[float, list[int]]:
+    """What is drawn, in its order: strength, penalty, two of three iterations."""
     generator = torch.Generator().manual_seed(seed)
     torch.rand((), generator=generator)
     share = float(torch.rand((), generator=generator))
-    return BETAS[0] * (BETAS[1] / BETAS[0]) ** share, int(torch.randint(1, 4, (), generator=generator))
+    return BETAS[0] * (BETAS[1] / BETAS[0]) ** share, sorted(torch.randperm(3, generator=generator)[:2].tolist())

@@ -143,6 +143,23 @@ def test_pairs_are_drawn_from_all_scans_and_ways(file: Path) -> None:
     assert torch.equal(towards[1], references[1])
 
 
+def test_half_of_the_inputs_are_fbp_images_however_many_others_there_are(file: Path) -> None:
+    def several(*scan_grid_generator: Any) -> torch.Tensor:
+        return torch.linspace(1.5, 2.5, 5)[:, None, None] * picture(*scan_grid_generator)
+
+    examples = Examples([file], picture, (several,), seed=0, make_references=(picture, several))
+    low, others, references = vars(examples(0)).values()
+    assert (len(others), len(references)) == (5, 6)
+    pairs = Pairs(examples, "dose", seed=0, distinct=1, augment=False)
+    drawn = [pairs(number) for number in range(400)]
+    of_fbp = [pair for pair in drawn if any(torch.equal(pair.input, image) for image in low)]
+    assert 160 < len(of_fbp) < 240
+    for image, reference in zip(others, references[1:], strict=True):
+        towards = [pair.target for pair in drawn if torch.equal(pair.input, image)]
+        assert 20 < len(towards) < 60
+        assert all(torch.equal(target, reference) for target in towards)
+
+
 def test_images_of_a_loop_that_diverged_are_left_out(file: Path) -> None:
     def diverged(*scan_grid_generator: Any) -> torch.Tensor:
         return 100 * picture(*scan_grid_generator)

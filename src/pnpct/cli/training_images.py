@@ -72,38 +72,43 @@ def _every(scan: Scan, first: int, step: int) -> Scan:
 
 
 @dataclass(frozen=True)
-class LoopImage:
-    """What the denoiser gets in one of the first iterations of ADMM, x + u, whose noise has another colour than FBP's.
+class LoopImages:
+    """What the denoiser gets in some of the first iterations of ADMM, x + u, whose noise has another colour than FBP's.
 
     Args:
         denoiser: What denoised in the iterations before; total variation of random strength if None. With `unchanged`
             and a quiet scan: what an iteration shows without noise.
         name: What the denoiser is, for telling images apart.
         iterations: Most iterations, ≥ 1.
+        number: In how many of them, from 1 to all. Each image costs the iterations before it, so several cost little
+            more than one.
     """
 
     denoiser: Denoise | None = field(default=None, repr=False)
     name: str = "tv"
     iterations: int = 3
+    number: int = 1
 
-    def __call__(self, scan: Scan, grid: ImageGrid, generator: torch.Generator) -> Image:
-        """Return the image of an iteration and for a penalty β that are drawn."""
+    def __call__(
+        self, scan: Scan, grid: ImageGrid, generator: torch.Generator
+    ) -> Float[Tensor, "number *slices rows cols"]:
+        """Return the images of iterations and for a penalty β that are drawn."""
         A = _projector(grid, scan.geometry, scan.mu_water)
         sinogram = take_log(scan)
         strength = _evenly_in_logarithm(*STRENGTHS_HU, generator) / 1000
         denoise = self.denoiser or TotalVariation(strength, iterations=20)
         beta = _evenly_in_logarithm(*BETAS, generator)
-        iterations = int(torch.randint(1, self.iterations + 1, (), generator=generator))
+        chosen = torch.randperm(self.iterations, generator=generator)[: self.number].sort().values.tolist()
         shown: list[Image] = []
 
         def watched(image: Image) -> Image:
             shown.append(image)
-            return denoise(image) if len(shown) < iterations else image
+            return denoise(image) if len(shown) <= chosen[-1] else image
 
         start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta), iterations):
+        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta), chosen[-1] + 1):
             pass
-        return shown[-1]
+        return torch.stack([shown[iteration] for iteration in chosen])
 
 
 def unchanged(image: Image) -> Image:

@@ -54,6 +54,7 @@ class Supervised:
     also: tuple[Path, ...] = ()
     loop_denoiser: str | None = None
     loop_iterations: int = 3
+    loop_images: int = 1
     examples: int = 1000
     kept: Path | None = None
     lowest_ma: float = 20.0
@@ -85,6 +86,7 @@ class Supervised:
             (data, *self.also),
             loop_denoiser=self.loop_denoiser,
             loop_iterations=self.loop_iterations,
+            loop_images=self.loop_images,
             bfloat16=bfloat16,
             device=device,
             seed=seed,

@@ -23,6 +23,7 @@ class TrainingOptions:
         loop_denoiser: Network that denoises in the loop of ADMM, from which half of the noisy images come; total
             variation of random strength if none is given.
         loop_iterations: Most iterations of that loop.
+        loop_images: Images of each loop that are learnt from; more of them take hardly more time.
         fine_tuning_epochs: Epochs of the second stage, for two-stage.
         losses: Loss of the second stage: corrected, or as the paper prints it, which cannot reach its goal.
         texture_weight: Weight of the texture term in that loss, (HU / 1000)².
@@ -41,6 +42,7 @@ class TrainingOptions:
     also: Annotated[tuple[Path, ...] | None, option(default="none")] = None
     loop_denoiser: str | None = None
     loop_iterations: Annotated[int | None, option(default=TwoStage.loop_iterations)] = None
+    loop_images: Annotated[int | None, option(default=TwoStage.loop_images)] = None
     fine_tuning_epochs: Annotated[int | None, option(default=TwoStage.fine_tuning_epochs)] = None
     losses: Annotated[Form | None, option(default=TwoStage.losses)] = None
     texture_weight: Annotated[float | None, option(default=TwoStage.texture_weight)] = None

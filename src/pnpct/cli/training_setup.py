@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias, TypeVar, cast
 import torch
 from torch import distributed, nn
 
-from pnpct.cli.training_images import QUIET_MA, LoopImage, fbp_image, unchanged
+from pnpct.cli.training_images import QUIET_MA, LoopImages, fbp_image, unchanged
 from pnpct.denoisers import as_denoiser
 from pnpct.denoisers.noise_level import is_told_noise_level
 from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
@@ -33,6 +33,7 @@ def examples_of(
     *,
     loop_denoiser: str | None,
     loop_iterations: int,
+    loop_images: int,
     bfloat16: bool,
     device: torch.device,
     reference: ReferenceName,
@@ -45,6 +46,7 @@ def examples_of(
         split: Which part of them.
         loop_denoiser: Network that denoises in the loop, by name or file; total variation if None.
         loop_iterations: Most iterations of the loop.
+        loop_images: How many of their images are in each example.
         bfloat16: Whether that network computes in bfloat16.
         device: Where it computes.
         reference: What is learnt towards.
@@ -52,19 +54,21 @@ def examples_of(
 
     Raises:
         OSError: If a file cannot be read.
-        ValueError: If the part is empty, or there is no iteration.
+        ValueError: If the part is empty, or there is no iteration or image of one.
     """
     if loop_iterations < 1:
         raise ValueError(f"The loop needs at least one iteration, got {loop_iterations}.")
+    if not 1 <= loop_images <= loop_iterations:
+        raise ValueError(f"{loop_iterations} iterations give 1 to {loop_iterations} images, not {loop_images}.")
     files = [dataset / name for dataset in datasets for name in read_manifest(dataset).files(split)]
     if not files:
         raise ValueError(f"{datasets[0]} has no patients for {split}; simulate more of them.")
-    loop = LoopImage(iterations=loop_iterations)
+    loop = LoopImages(iterations=loop_iterations, number=loop_images)
     if loop_denoiser is not None:
         path = network_file(loop_denoiser)
         network = load_network(path).to(device)
         name = f"{sha256_of(path)}{' in bfloat16' if bfloat16 else ''}"
-        loop = LoopImage(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations)
+        loop = LoopImages(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations, loop_images)
     towards: dict[str, Any] = {"reference": reference}
     if reference == "noise-free":
         perfect = replace(loop, denoiser=unchanged, name="none")
@@ -88,7 +92,8 @@ def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
         for number in range(VALIDATION_PAIRS):
             example = examples(number)
             images = example.low[0], *example.others
-            for name, image, reference in zip(errors, images, example.references, strict=True):
+            names = ["fbp", *len(example.others) * ["loop"]]
+            for name, image, reference in zip(names, images, example.references, strict=True):
                 level = [torch.tensor(example.noise_level, device=device)] if is_told_noise_level(D) else []
                 output = D(image[None].to(device), *level)[0].float().cpu()
                 errors[name].append(float((to_hu(output) - to_hu(reference)).square().mean()))

@@ -1,6 +1,6 @@
 """From noisy images to the weights of a denoiser."""
 
-from pnpct.training.examples import Example, Examples, MakeImage, Reference
+from pnpct.training.examples import Example, Examples, MakeImages, Reference
 from pnpct.training.losses import (
     CONTRAST_WEIGHT,
     TEXTURE_WEIGHT,
@@ -25,7 +25,7 @@ __all__ = [
     "Examples",
     "Form",
     "LossTerm",
-    "MakeImage",
+    "MakeImages",
     "Pair",
     "Pairs",
     "Reference",

@@ -14,7 +14,6 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from pnpct.arrays import Image
 from pnpct.files import atomic_path, read_exposure, tube_voltages
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
@@ -25,8 +24,8 @@ Reference: TypeAlias = float | Literal["truth"]
 REFERENCE: Reference = 800.0
 """A usual scan at high dose."""
 
-MakeImage: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Image]
-"""From a scan to an image on a grid, with random settings where there are any."""
+MakeImages: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Float[Tensor, "*images rows cols"]]
+"""From a scan to an image on a grid, or to several, with random settings where there are any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +34,7 @@ class Example:
 
     Args:
         low: FBP images of the two low-dose scans.
-        others: The first of these scans, made in other ways.
+        others: Other images of the first of these scans.
         references: What to learn towards: from the FBP images first, then from each of the others.
     """
 
@@ -57,7 +56,7 @@ class Examples:
 
     Args:
         files: Files of exposures.
-        make: FBP, or another way whose noise has a mean of zero.
+        make: FBP, or another way to make one image, whose noise has a mean of zero.
         others: Other ways to make images, of which a denoiser shall know the noise.
         seed: Of everything that is drawn.
         tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
@@ -74,12 +73,12 @@ class Examples:
     """
 
     files: Sequence[Path]
-    make: MakeImage
-    others: Sequence[MakeImage]
+    make: MakeImages
+    others: Sequence[MakeImages]
     seed: int
     tube_currents_ma: tuple[float, float] = (20.0, 200.0)
     reference: Reference = REFERENCE
-    make_references: Sequence[MakeImage] | None = None
+    make_references: Sequence[MakeImages] | None = None
     kept: Path | None = None
     source: str = ""
 
@@ -142,16 +141,16 @@ class Examples:
         scans = [exposed.exposure.scan(tube_current_ma=current, generator=generator) for _ in range(2)]
         settings = int(draw.integers(2**62))
 
-        def made(make: MakeImage, scan: Scan) -> Image:
-            return make(scan, grid, torch.Generator().manual_seed(settings))
+        def made(make: MakeImages, scan: Scan) -> Float[Tensor, "images rows cols"]:
+            return make(scan, grid, torch.Generator().manual_seed(settings)).reshape(-1, *grid.shape)
 
-        low = torch.stack([made(self.make, scan) for scan in scans])
-        others = [made(make, scans[0]) for make in self.others]
+        low = torch.cat([made(self.make, scan) for scan in scans])
+        others = torch.cat([low[:0], *(made(make, scans[0]) for make in self.others)])
         if self.reference == "truth":
-            references = [truth]
+            references = truth[None]
         else:
             high = exposed.exposure.scan(tube_current_ma=self.reference, generator=generator)
-            references = [made(make, high) for make in self.make_references or [self.make]]
+            references = torch.cat([made(make, high) for make in self.make_references or [self.make]])
         if len(references) == 1:
-            references *= 1 + len(others)
-        return Example(low, torch.stack(others) if others else low[:0], torch.stack(references))
+            references = references.expand(1 + len(others), -1, -1)
+        return Example(low, others, references)

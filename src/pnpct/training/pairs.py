@@ -40,10 +40,10 @@ class Pair:
 class Pairs:
     """Pairs by number: the same number is the same pair, whoever asks, in whatever order.
 
-    The input is made in any of the ways of the example, except those that diverged, as the loop may at metal: one such
-    image outweighs thousands. The target of noisy pairs is never of the loop: the noise of FBP has a mean of zero, and
-    it keeps what ADMM may have lost on its way. A pair counts the less, the noisier its FBP images are, or the lowest
-    doses would drown what the others teach.
+    Half of the inputs are FBP images and half any of the other images of the example, except those that diverged, as
+    the loop may at metal: one such image outweighs thousands. The target of noisy pairs is never of the loop: the
+    noise of FBP has a mean of zero, and it keeps what ADMM may have lost on its way. A pair counts the less, the
+    noisier its FBP images are, or the lowest doses would drown what the others teach.
 
     Args:
         examples: Examples by number, as `Examples` is.
@@ -71,8 +71,10 @@ class Pairs:
         draw = np.random.default_rng([self.seed, number])
         example = self.examples(number if self.distinct is None else number % self.distinct)
         fbp, limit = example.low, _DIVERGED * example.low.abs().max()
-        ways = [0, *(way for way, image in enumerate(example.others, 1) if image.abs().max() <= limit)]
-        way, first = ways[int(draw.integers(len(ways)))], int(draw.integers(2))
+        others = [way for way, image in enumerate(example.others, 1) if image.abs().max() <= limit]
+        first, way = int(draw.integers(2)), 0
+        if others and draw.integers(2) == 1:
+            way = others[int(draw.integers(len(others)))]
         if way > 0:
             first = 0
         noisy = fbp[first] if way == 0 else example.others[way - 1]
