@@ -29,7 +29,7 @@ from pnpct.evaluation import bias_hu, body_mask, rmse_hu, soft_tissue_mask
 from pnpct.files import load_network, network_file, record_run, write_image
 from pnpct.operators import Projector
 from pnpct.physics import Exposure, Scan, Sinogram, take_log
-from pnpct.reconstruction import ADMMState, mean_iterate, reconstruct
+from pnpct.reconstruction import DAMPING, ADMMState, mean_iterate, reconstruct
 from pnpct.units import to_hu
 from quality_cases import CONTRAST_HU, QualityCase, cases
 
@@ -77,7 +77,7 @@ class Judge:
             errors.extend(self.errors(mean_iterate(seen[:number])) for number in range(1, len(seen) + 1))
             return mean_iterate(seen)
 
-        image = reconstruct(self.sinograms[0], self.A, denoise, result=watched)
+        image = reconstruct(self.sinograms[0], self.A, denoise, damping=DAMPING, result=watched)
         shares = [of_mask[-1] / min(of_mask) for of_mask in zip(*errors, strict=True)]
         note = "after {} iterations {:.3f} and {:.3f} of the least errors".format(len(errors), *shares)
         return {**self.row(name, in_loop(denoise), image), "note": note}

@@ -15,7 +15,7 @@ from pnpct.files.checkpoint import ABOUT
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import take_log
-from pnpct.reconstruction import last_iterate, mean_iterate, reconstruct
+from pnpct.reconstruction import DAMPING, last_iterate, mean_iterate, reconstruct
 
 TINY = RDNSize(features=4, growth=2, blocks=1, convolutions=2, unshuffle=2)
 
@@ -148,11 +148,26 @@ def test_around_a_network_the_image_is_the_mean_of_the_iterates(run, made, tmp_p
     scan, (_, grid) = read_scan(made / "scan.h5"), read_image(made / "image.h5")
     sinogram, projector = take_log(scan), Projector(grid, scan.geometry, mu_water=scan.mu_water)
     for result in (last_iterate, mean_iterate):
-        expected = reconstruct(sinogram, projector, load_denoiser(path), iterations=3, result=result)
+        expected = reconstruct(sinogram, projector, load_denoiser(path), damping=DAMPING, iterations=3, result=result)
         name = result.__name__.removesuffix("_iterate")
         torch.testing.assert_close(images[name], expected, rtol=0, atol=1e-6)
     assert torch.equal(images["default"], images["mean"])
     assert (images["mean"] - images["last"]).abs().max() > 1e-3
+
+
+@pytest.mark.parametrize(("denoiser", "usual"), [("n2n", str(DAMPING)), ("tv", "0")])
+def test_admm_is_damped_around_networks_alone_unless_it_is_said(run, made, tmp_path, denoiser, usual):
+    images = {}
+    for damping in (None, "0", "0.5", "1"):
+        out = tmp_path / f"{damping}.h5"
+        words = [] if damping is None else ["--damping", damping]
+        words += ["--denoiser", denoiser, "--iterations", "3", "--device", "cpu"]
+        assert run("reconstruct", made / "scan.h5", out, *words)[0] == 0
+        images[damping], _ = read_image(out)
+        assert said_of(out).settings["damping"] == float(damping or usual)
+    assert torch.equal(images[None], images[usual])
+    assert (images["0"] - images["0.5"]).abs().max() > 1e-3
+    assert (images["1"] - images["0.5"]).abs().max() > 1e-3
 
 
 def test_around_other_denoisers_it_is_the_last_one(run, made, tmp_path):

@@ -234,10 +234,27 @@ def test_the_mean_does_not_wander_around_a_denoiser_that_does(sinogram, A, start
     assert rms_hu(states[-1].v - states[-2].v) > 10 * rms_hu(mean_iterate(states) - mean_iterate(states[:-1]))
 
 
+@pytest.mark.parametrize("damping", [0.25, 0.5, 1.0])
+def test_damped_x_and_v_are_held_together_by_the_penalty_over_the_damping(sinogram, A, start, damping):
+    """In the limit ½ ‖A x − y‖²_W + λ R(v) + β / (2 damping) ‖x − v‖² is least: its gradient in x is zero."""
+    states = pnp_admm(sinogram, A, TotalVariation(0.05), start, damping=damping)
+    limit = next(itertools.islice(states, 200, None))
+    pulled = A.T(sinogram.weights(A(limit.x) - sinogram.line_integrals)) / mean_diagonal(sinogram, A)
+    held = (limit.x - limit.v) / damping
+    assert rms_hu(held) > 5.0
+    torch.testing.assert_close(pulled, -held, rtol=0, atol=0.05 * float(held.abs().max()))
+
+
+def test_damped_entirely_admm_has_no_memory(sinogram, A, start):
+    states = pnp_admm(sinogram, A, TotalVariation(0.05), start, damping=1.0)
+    assert all(not state.u.any() for state in itertools.islice(states, 3))
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, beta=0.0)), "beta must be a positive number"),
+        (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, damping=1.1)), "a share from 0 to 1, got 1.1"),
         (lambda s, A, start: next(until(iter([]), start, iterations=0)), "at least one iteration, got 0"),
         (lambda s, A, start: mean_iterate([]), "no image without an iteration"),
         (lambda s, A, start: last_iterate(iter([])), "no image without an iteration"),

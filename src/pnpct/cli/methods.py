@@ -27,7 +27,7 @@ from pnpct.reconstruction import (
     until,
 )
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
-from pnpct.reconstruction.pnp_admm import BETA
+from pnpct.reconstruction.pnp_admm import BETA, DAMPING
 from pnpct.reconstruction.reconstruct import ITERATIONS, Result
 from pnpct.reconstruction.solvers import ITERATIVE
 
@@ -57,6 +57,7 @@ class PlugAndPlay:
     strength: float | None = None
     beta: float | None = None
     sigma_v: float | None = None
+    damping: float | None = None
     iterations: int = ITERATIONS
     solver: SolverName = "fourier"
     inner_iterations: int | None = None
@@ -65,7 +66,11 @@ class PlugAndPlay:
     result: ResultName | None = None
 
     def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
-        """Return the image: unless it is said, the mean of the iterates around a network, the last around others."""
+        """Return the image.
+
+        Unless it is said, ADMM is damped around a network and the image the mean of its iterates; around others the
+        iterates have a limit, and it is the last of them.
+        """
         if self.beta is not None and self.sigma_v is not None:
             raise ValueError("--beta and --sigma-v say one thing in two units; give one of them.")
         device = sinogram.line_integrals.device
@@ -74,10 +79,12 @@ class PlugAndPlay:
         beta = BETA if self.beta is None else self.beta
         beta = beta if self.sigma_v is None else beta_from_sigma_v(self.sigma_v, sinogram, projector)
         start = _start(sinogram, projector)
-        states = pnp_admm(sinogram, projector, denoise, start, beta=beta, solver=solver)
-        result = self.result or ("last" if self.denoiser in DENOISERS else "mean")
+        learnt = self.denoiser not in DENOISERS
+        damping = (DAMPING if learnt else 0.0) if self.damping is None else self.damping
+        states = pnp_admm(sinogram, projector, denoise, start, beta=beta, damping=damping, solver=solver)
+        result = self.result or ("mean" if learnt else "last")
         image, how_far = _iterated(states, start, self.iterations, self.stop, RESULTS[result])
-        settings = {**asdict(self), **how_far, **of_denoiser, "beta": beta, "result": result}
+        settings = {**asdict(self), **how_far, **of_denoiser, "beta": beta, "damping": damping, "result": result}
         del settings["sigma_v"]
         settings["sigma_v_hu"] = sigma_v_from_beta(beta, sinogram, projector)
         if self.inner_iterations is None and self.solver in ITERATIVE:

@@ -9,7 +9,7 @@ from pnpct.cli.parsing import option
 from pnpct.operators import Kernel
 from pnpct.reconstruction import ResultName, RuleName, SolverName
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
-from pnpct.reconstruction.pnp_admm import BETA
+from pnpct.reconstruction.pnp_admm import BETA, DAMPING
 
 _STRENGTH = ", ".join(f"{number:g} for {name}" for name, number in STRENGTHS.items())
 
@@ -27,6 +27,7 @@ class MethodOptions:
             for a body at a low dose.
         beta: Penalty of pnp and tv, relative to the mean diagonal of the normal equations.
         sigma_v: The penalty of pnp in other words, instead of beta: how well the denoised image is known, HU.
+        damping: Share of the dual variable that pnp forgets in each iteration; the paper's ADMM has 0.
         iterations: Most iterations of pnp and tv.
         solver: Solver of the data step of pnp.
         inner_iterations: Least steps of the solver in each iteration of pnp; it takes more while its residual is large.
@@ -41,6 +42,7 @@ class MethodOptions:
     strength: Annotated[float | None, option(default=f"{_STRENGTH}; {TV_STRENGTH:g} for the method tv")] = None
     beta: Annotated[float | None, option(default=BETA)] = None
     sigma_v: float | None = None
+    damping: Annotated[float | None, option(default=f"{DAMPING} around networks, else 0")] = None
     iterations: Annotated[int | None, option(default=PlugAndPlay.iterations)] = None
     solver: Annotated[SolverName | None, option(default=PlugAndPlay.solver)] = None
     inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None

@@ -14,7 +14,7 @@ from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import Scan, take_log
-from pnpct.reconstruction import ADMMState, fbp, pnp_admm
+from pnpct.reconstruction import DAMPING, ADMMState, fbp, pnp_admm
 
 BETAS = (0.7, 1.5)
 """Lowest and highest penalty, between which it is drawn evenly in its logarithm: around the default.
@@ -88,6 +88,7 @@ class LoopImages:
     name: str = "tv"
     iterations: int = 3
     number: int = 1
+    damping: float = DAMPING
 
     def __call__(
         self, scan: Scan, grid: ImageGrid, generator: torch.Generator
@@ -106,7 +107,7 @@ class LoopImages:
             return denoise(image) if len(shown) <= chosen[-1] else image
 
         start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta), chosen[-1] + 1):
+        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta, damping=self.damping), chosen[-1] + 1):
             pass
         return torch.stack([shown[iteration] for iteration in chosen])
 

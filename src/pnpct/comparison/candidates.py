@@ -8,7 +8,17 @@ from pnpct.comparison.results import Method
 from pnpct.denoisers import Denoise, Gaussian
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
-from pnpct.reconstruction import STOP_RULES, ADMMState, fbp, last_iterate, mean_iterate, reconstruct, tv_pwls, until
+from pnpct.reconstruction import (
+    DAMPING,
+    STOP_RULES,
+    ADMMState,
+    fbp,
+    last_iterate,
+    mean_iterate,
+    reconstruct,
+    tv_pwls,
+    until,
+)
 from pnpct.reconstruction.pnp_admm import BETA
 from pnpct.reconstruction.reconstruct import ITERATIONS
 from pnpct.reconstruction.tv_pwls import STRENGTH
@@ -68,12 +78,11 @@ def plug_and_play(
     iterations: int = ITERATIONS,
 ) -> Candidate:
     """Return plug-and-play ADMM around a trained denoiser."""
-    method = Method(
-        name, label, "plug-and-play", {**settings, "beta": beta, "iterations": iterations, "result": "mean"}
-    )
+    loop = {"beta": beta, "damping": DAMPING, "iterations": iterations, "result": "mean"}
+    method = Method(name, label, "plug-and-play", {**settings, **loop})
 
     def make(sinogram: Sinogram, A: Projector) -> Image:
-        return reconstruct(sinogram, A, denoise, beta=beta, iterations=iterations, result=mean_iterate)
+        return reconstruct(sinogram, A, denoise, beta=beta, damping=DAMPING, iterations=iterations, result=mean_iterate)
 
     return Candidate(method, make)
 

@@ -2,13 +2,14 @@
 
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import beta_from_sigma_v, mean_diagonal, sigma_v_from_beta
-from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
+from pnpct.reconstruction.pnp_admm import DAMPING, ADMMState, pnp_admm
 from pnpct.reconstruction.reconstruct import RESULTS, Result, ResultName, last_iterate, mean_iterate, reconstruct
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
 from pnpct.reconstruction.tv_pwls import tv_pwls
 
 __all__ = [
+    "DAMPING",
     "RESULTS",
     "STOP_RULES",
     "ADMMState",

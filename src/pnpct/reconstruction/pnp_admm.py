@@ -11,6 +11,8 @@ the place of the proximal map of R (4b), (6); u collects what x and v disagree a
     v = D(x + u)
     u = u + x − v
 
+Around a network u may forget part of itself in each iteration: u = (1 − damping) (u + x − v).
+
 β here has no unit: it counts in mean diagonals of AᵀWA (`normal_equations.mean_diagonal`), so that one value serves
 every dose and geometry.
 """
@@ -30,6 +32,12 @@ from pnpct.reconstruction.normal_equations import MakeSolver, mean_diagonal
 BETA = 1.0
 """On the scale of the object. With a convex prior the image is the same from 0.3 to 3, and around 1 it is there first;
 the networks that come with the package have learnt what the loop looks like from 0.7 to 1.5. The paper has 1.2."""
+
+
+DAMPING = 0.5
+"""Around a network: what u has collected counts for half in the next iteration, for a quarter in the one after.
+
+Undamped, the noise of x + u grows until networks take it for anatomy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +77,7 @@ def pnp_admm(
     state: ADMMState,
     *,
     beta: float = BETA,
+    damping: float = 0.0,
     solver: MakeSolver = fourier,
 ) -> Iterator[ADMMState]:
     """Yield the iterates of plug-and-play ADMM, for ever; the caller's loop says when to stop.
@@ -79,19 +88,24 @@ def pnp_admm(
         denoise: D, with its strength inside.
         state: Where to begin or to go on from.
         beta: Penalty β > 0 in mean diagonals of AᵀWA.
+        damping: Share of u that each iteration forgets, 0 ≤ damping ≤ 1. The paper has 0, where x and v agree in the
+            limit; 1 is half-quadratic splitting, without u.
         solver: Makes the solver of the normal equations from (sinogram, A, β).
 
     Yields:
         The state after each iteration.
 
     Raises:
-        ValueError: If `beta` is not positive (at the first iteration).
+        ValueError: If `beta` is not positive or `damping` not a share (at the first iteration).
 
     References:
+        Hajinezhad and Hong, Math. Program. 176 (2019) 207, for the damping;
         Venkatakrishnan, Bouman and Wohlberg, GlobalSIP (2013) 945; the paper, Eqs. (4) to (6).
     """
     if not 0 < beta < float("inf"):
         raise ValueError(f"beta must be a positive number, got {beta}.")
+    if not 0 <= damping <= 1:
+        raise ValueError(f"damping is a share from 0 to 1, got {damping}.")
     y, W = sinogram.line_integrals, sinogram.weights
     penalty = beta * mean_diagonal(sinogram, A)
     AtWy = A.T(W(y))
@@ -105,5 +119,5 @@ def pnp_admm(
         with torch.no_grad():
             x = solve(H, AtWy + penalty * (v - u), x)  # (4a), (5)
             v = denoise(x + u)  # (4b), (6)
-            u = u + x - v  # (4c)
+            u = (1 - damping) * (u + x - v)  # (4c)
         yield ADMMState(x, v, u)

@@ -66,6 +66,7 @@ def reconstruct(
     denoise: Denoise,
     *,
     beta: float = BETA,
+    damping: float = 0.0,
     iterations: int = ITERATIONS,
     stop: StopRule = relative_rule,
     solver: MakeSolver = fourier,
@@ -80,6 +81,7 @@ def reconstruct(
         A: The projector.
         denoise: Denoiser with its strength inside.
         beta: Penalty in mean diagonals of AᵀWA, > 0.
+        damping: Share of u that each iteration forgets; around a trained network `DAMPING` is nearer to the truth.
         iterations: Most iterations, at least 1.
         stop: Rule that says when to stop before.
         solver: Makes the solver of the data step.
@@ -89,10 +91,10 @@ def reconstruct(
         The image, relative to water.
 
     Raises:
-        ValueError: If `beta` or `iterations` is out of its range.
+        ValueError: If `beta`, `damping` or `iterations` is out of its range.
     """
     start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-    states = pnp_admm(sinogram, A, denoise, start, beta=beta, solver=solver)
+    states = pnp_admm(sinogram, A, denoise, start, beta=beta, damping=damping, solver=solver)
     return result(until(states, start, iterations=iterations, stop=stop))
 
 
