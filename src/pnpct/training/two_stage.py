@@ -8,19 +8,18 @@ D is the network, and v are images. Both stages use Adam, whose learning rate fa
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import torch
 from torch import distributed, nn
 
-from pnpct.denoisers.noise_level import is_told_noise_level
 from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
 from pnpct.training.pairs import Pair
+from pnpct.training.pairwise import pairwise_losses
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
-
 NumberedPairs: TypeAlias = Callable[[int], Pair]
 """Pairs by number, as `Pairs` is; the same number is always the same pair."""
 
@@ -110,13 +109,14 @@ def train(
         after: Epoch to continue from.
 
     Raises:
-        ValueError: If a number is out of its range, the epoch is of another stage, the loss diverges, or the network
-            is told the noise level and a pair does not say it.
+        ValueError: If a number is out of its range, the epoch is of another stage, or the loss diverges.
     """
     rank, world = (distributed.get_rank(), distributed.get_world_size()) if distributed.is_initialized() else (0, 1)
-    if min(epochs, pairs_per_epoch, batch, at_once) < 1 or pairs_per_epoch % batch or batch % world:
-        what = f"{pairs_per_epoch} pairs in {epochs} epochs"
-        raise ValueError(f"{what} cannot be shared out in batches of {batch} among {world} processes.")
+    if min(epochs, pairs_per_epoch, batch, at_once) < 1:
+        sizes = f"{epochs} epochs of {pairs_per_epoch} pairs, {batch} in a batch and {at_once} at once"
+        raise ValueError(f"Training cannot have {sizes}; each is at least 1.")
+    if pairs_per_epoch % batch or batch % world:
+        raise ValueError(f"{pairs_per_epoch} pairs cannot be split into batches of {batch}, or a batch by {world}.")
     if not (0 < learning_rate < math.inf and 0 < decay <= 1):
         raise ValueError(f"A learning rate is positive and its decay from 0 to 1, got {learning_rate} and {decay}.")
     if after is not None and after.stage != stage:
@@ -125,7 +125,7 @@ def train(
     optimizer = torch.optim.Adam(D.parameters(), lr=learning_rate)
     if after is not None:
         D.load_state_dict(after.weights)
-        optimizer.load_state_dict(dict(after.optimizer))
+        optimizer.load_state_dict(copy.deepcopy(dict(after.optimizer)))  # Adam would go on in what it is given
     D.train()
     for number in range(after.number if after else 0, epochs):
         optimizer.param_groups[0]["lr"] = learning_rate * decay**number
@@ -135,7 +135,7 @@ def train(
             mine = range(first + rank, first + batch, world)
             for part in range(0, len(mine), at_once):
                 drawn = [pairs(each) for each in mine[part : part + at_once]]
-                of_part = _losses(D, drawn, loss, bfloat16=bfloat16)
+                of_part = pairwise_losses(D, drawn, loss, bfloat16=bfloat16)
                 (of_part.sum() / batch).backward()
                 total += of_part.detach().double().sum()
             if world > 1:
@@ -147,25 +147,4 @@ def train(
         if not total.isfinite():
             raise ValueError(f"The loss is no number in epoch {number + 1} of {stage}; lower the learning rate.")
         weights = {name: value.detach().cpu().clone() for name, value in D.state_dict().items()}
-        state = copy.deepcopy(optimizer.state_dict())
-        yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, state)
-
-
-def _losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bfloat16: bool) -> torch.Tensor:
-    """The weighted loss of each pair."""
-    device = next(D.parameters()).device
-    with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
-        outputs = D(*_inputs(D, drawn, device)).float()
-    pairwise = zip(drawn, outputs, strict=True)
-    return torch.stack([pair.weight * loss(output, pair.target.to(device)) for pair, output in pairwise])
-
-
-def _inputs(D: nn.Module, drawn: Sequence[Pair], device: torch.device) -> list[torch.Tensor]:
-    """What the network is given: images, and their noise levels if it is told them."""
-    images = torch.stack([pair.input for pair in drawn]).to(device)
-    if not is_told_noise_level(D):
-        return [images]
-    levels = [pair.noise_level for pair in drawn if pair.noise_level is not None]
-    if len(levels) < len(drawn):
-        raise ValueError("This network is told the noise level, which these pairs do not say; train one without it.")
-    return [images, torch.tensor(levels, device=device)[:, None, None]]
+        yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, copy.deepcopy(optimizer.state_dict()))

@@ -1,0 +1,40 @@
+"""The loss of a network on each of some pairs."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+
+from pnpct.denoisers.noise_level import is_told_noise_level
+from pnpct.training.losses import LossTerm
+from pnpct.training.pairs import Pair
+
+
+def pairwise_losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bfloat16: bool) -> torch.Tensor:
+    """Return the loss of each pair, times its weight.
+
+    Args:
+        D: The network, on its device.
+        drawn: Pairs of one size.
+        loss: From output and target to what is made small.
+        bfloat16: Whether the network computes in bfloat16 where that is exact enough.
+
+    Raises:
+        ValueError: If the network is told the noise level and a pair does not say it.
+    """
+    device = next(D.parameters()).device
+    with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
+        outputs = D(*_inputs(D, drawn, device)).float()
+    pairwise = zip(drawn, outputs, strict=True)
+    return torch.stack([pair.weight * loss(output, pair.target.to(device)) for pair, output in pairwise])
+
+
+def _inputs(D: nn.Module, drawn: Sequence[Pair], device: torch.device) -> list[torch.Tensor]:
+    """What the network is given: images, and their noise levels if it is told them."""
+    images = torch.stack([pair.input for pair in drawn]).to(device)
+    if not is_told_noise_level(D):
+        return [images]
+    levels = [pair.noise_level for pair in drawn if pair.noise_level is not None]
+    if len(levels) < len(drawn):
+        raise ValueError("This network is told the noise level, which these pairs do not say; train one without it.")
+    return [images, torch.tensor(levels, device=device)[:, None, None]]
