@@ -3,25 +3,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import torch
 
-from pnpct.cli.training_images import LoopImages, fbp_image, unchanged
-from pnpct.cli.training_setup import VALIDATION_PAIRS, examples_of, validate
 from pnpct.files import sha256_of
 from pnpct.files.checkpoint import load_network
 from pnpct.files.training_file import write_training
 
-DATASET = "--anatomy pelvis --cases 3 --rows 1 --views 24 --bins 60 --size 32 --tube-voltages-kvp 120 --processes 1"
 TRAIN = "--epochs 2 --fine-tuning-epochs 1 --pairs-per-epoch 2 --batch 2"
-
-
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from pnpct.cli import main
-
-    folder = tmp_path_factory.mktemp("train") / "set"
-    assert main(["simulate", "dataset", str(folder), *DATASET.split()]) == 0
-    return folder
 
 
 def test_a_network_is_trained_and_says_what_it_is(dataset: Path, tmp_path: Path, run) -> None:
@@ -90,7 +77,8 @@ def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
 
 def test_patients_of_further_data_sets_are_learnt_from_too(dataset: Path, tmp_path: Path, run) -> None:
     further = tmp_path / "further"
-    assert run("simulate", "dataset", further, *DATASET.replace("pelvis", "head").split(), "--seed", "9")[0] == 0
+    words = "--anatomy head --cases 3 --rows 1 --views 24 --bins 60 --size 32 --tube-voltages-kvp 120 --processes 1"
+    assert run("simulate", "dataset", further, *words.split())[0] == 0
     losses = []
     for name, words in (("alone", ()), ("both", ("--also", further))):
         status, out, err = run("train", dataset, tmp_path / f"{name}.safetensors", *TRAIN.split(), *words)
@@ -102,37 +90,6 @@ def test_patients_of_further_data_sets_are_learnt_from_too(dataset: Path, tmp_pa
     status, _, err = run("train", dataset, tmp_path / "c.safetensors", *TRAIN.split(), "--also", tmp_path / "nothing")
     assert status == 2
     assert "nothing" in err
-
-
-def test_without_noise_each_image_has_a_reference_of_its_own_kind(dataset: Path) -> None:
-    loop = {"loop_denoiser": None, "loop_iterations": 5, "loop_images": 2}
-    options = {**loop, "bfloat16": False, "device": torch.device("cpu"), "seed": 0}
-    examples = examples_of([dataset], "train", reference="noise-free", **options)
-    assert examples.make_references == (fbp_image, LoopImages(unchanged, "none", 5, 2))
-    quiet = examples_of([dataset], "train", reference="noise-free", tube_currents_ma=(1e6, 1e6), **options)(0)
-    torch.testing.assert_close(quiet.low[0], quiet.references[0], rtol=0, atol=0.02)
-    assert (quiet.references[1] - quiet.references[0]).abs().max() > 0.1
-
-    class Unchanged(torch.nn.Linear):
-        def forward(self, image: torch.Tensor) -> torch.Tensor:
-            return image
-
-    drawn = [examples(number) for number in range(VALIDATION_PAIRS)]
-    pairs = {
-        "fbp": [example.low[0] - example.references[0] for example in drawn],
-        "loop": [image for example in drawn for image in example.others - example.references[1:]],
-    }
-    errors = {
-        name: float(torch.stack(found).square().mean((1, 2)).quantile(0.5)) ** 0.5 for name, found in pairs.items()
-    }
-    assert validate(Unchanged(1, 1), examples) == pytest.approx({k: 1000 * e for k, e in errors.items()}, rel=1e-4)
-
-
-@pytest.mark.parametrize("images", ["0", "4"])
-def test_a_loop_has_as_many_images_as_iterations(dataset: Path, tmp_path: Path, run, images: str) -> None:
-    status, _, err = run("train", dataset, tmp_path / "a.safetensors", *TRAIN.split(), "--loop-images", images)
-    assert status == 2
-    assert err == f"pnpct: 3 iterations give 1 to 3 images, not {images}.\n"
 
 
 def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, run) -> None:
@@ -162,6 +119,10 @@ def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, ru
         ("--noise-input --size red-cnn", "--noise-input red-cnn"),
         ("--seed -1", "seed"),
         ("--batch 3", "batches of 3"),
+        ("--batch 2 --at-once 0", "0 at once"),
+        ("--examples 0", "example 0"),
+        ("--discount 5000", "discount 0 to 4 5000"),
+        ("--discount nan", "discount 0 to 4 nan"),
         ("--batch 2 --learning-rate 0", "learning rate"),
         ("--lowest-ma 300", "Tube currents"),
         ("--reference 100", "high dose 100 mA"),
@@ -266,6 +227,7 @@ def test_parts_are_refused_for_a_data_set(tmp_path: Path, run) -> None:
         ("{here}/none.h5 --method single-scan", "none.h5"),
         ("{scan} --method single-scan --parts 1", "two parts 1"),
         ("{scan} --method single-scan --parts 3", "30 views 60"),
+        ("{scan} --method single-scan --noise-input", "--noise-input single scan"),
         ("{scan} --method single-scan --parts 2 --side 99", "square of 99 pixels"),
     ],
 )

@@ -9,13 +9,11 @@ import nibabel as nib
 from tyro.conf import Positional
 
 from pnpct.cli.artefact import IMAGES, check_output, finish
-from pnpct.cli.denoisers import CHOICES, STRENGTHS, choose_denoiser
+from pnpct.cli.denoisers import CHOICES, DEFAULT_STRENGTHS, choose_denoiser
 from pnpct.cli.devices import DeviceName, choose_device
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import working
 from pnpct.files import read_image, record_run, write_image
-
-_STRENGTH = ", ".join(f"{number:g} for {name}" for name, number in STRENGTHS.items())
 
 
 @dataclass(frozen=True)
@@ -23,7 +21,7 @@ class Denoise:
     """Denoise an image, or each slice of it.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz.
+        image: The image, .h5, .nii or .nii.gz; networks that pnpct trains expect FBP with the sharpest kernel.
         denoised: Where the result shall be: .h5 to go on with, .nii or .nii.gz (HU) for viewers, .png to look at.
         denoiser: The denoiser: a classical one, or the file of a trained network.
         strength: How much it smooths; in HU times pixels for tv, HU of noise for nonlocal-means and for networks that
@@ -35,7 +33,7 @@ class Denoise:
     image: Positional[Path]
     denoised: Positional[Path]
     denoiser: Annotated[str, option(metavar=CHOICES)] = "tv"
-    strength: Annotated[float | None, option(default=_STRENGTH)] = None
+    strength: Annotated[float | None, option(default=DEFAULT_STRENGTHS)] = None
     bfloat16: bool = False
     device: DeviceName = "auto"
 

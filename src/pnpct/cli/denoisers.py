@@ -17,6 +17,9 @@ TV_STRENGTH = 1000 * STRENGTH
 STRENGTHS = {"tv": TV_STRENGTH / BETA, "nonlocal-means": 70.0, "gaussian": 1.0}
 """Strength of each denoiser, in its unit, that suits a body at a low dose; with tv the image is that of the method."""
 
+DEFAULT_STRENGTHS = ", ".join(f"{number:g} for {name}" for name, number in STRENGTHS.items())
+"""What the help shows for a strength."""
+
 CHOICES = "|".join([f"{{{','.join(DENOISERS)}}}", *network_names(), "FILE.safetensors"])
 """What the help shows for a denoiser."""
 

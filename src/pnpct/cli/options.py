@@ -3,15 +3,13 @@
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal
 
-from pnpct.cli.denoisers import CHOICES, STRENGTHS, TV_STRENGTH
+from pnpct.cli.denoisers import CHOICES, DEFAULT_STRENGTHS, TV_STRENGTH
 from pnpct.cli.methods import FilteredBackProjection, Method, PlugAndPlay, make_method
 from pnpct.cli.parsing import option
 from pnpct.operators import Kernel
 from pnpct.reconstruction import ResultName, RuleName, SolverName
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
 from pnpct.reconstruction.pnp_admm import BETA, DAMPING
-
-_STRENGTH = ", ".join(f"{number:g} for {name}" for name, number in STRENGTHS.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,14 +30,15 @@ class MethodOptions:
         solver: Solver of the data step of pnp.
         inner_iterations: Least steps of the solver in each iteration of pnp; it takes more while its residual is large.
         bfloat16: Let a network compute with fewer digits, about twice as quick on hardware made for it.
-        stop: Rule that ends pnp and tv before: relative at convergence, paper after a few iterations.
+        stop: Rule that ends pnp and tv before: relative at convergence, where x and v agree, as they do not around
+            the networks that come with the package; paper after a few iterations.
         result: What the image of pnp is, the last of the denoised iterates or the mean of them all.
     """
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"
     kernel: Annotated[Kernel | None, option(default=FilteredBackProjection.kernel)] = None
     denoiser: Annotated[str | None, option(default=PlugAndPlay.denoiser, metavar=CHOICES)] = None
-    strength: Annotated[float | None, option(default=f"{_STRENGTH}; {TV_STRENGTH:g} for the method tv")] = None
+    strength: Annotated[float | None, option(default=f"{DEFAULT_STRENGTHS}; {TV_STRENGTH:g} for the method tv")] = None
     beta: Annotated[float | None, option(default=BETA)] = None
     sigma_v: float | None = None
     damping: Annotated[float | None, option(default=f"{DAMPING} around networks, else 0")] = None

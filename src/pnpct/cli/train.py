@@ -109,6 +109,10 @@ class Train(TrainingOptions):
             raise ValueError(f"{option} has no effect beside --begin-with, whose network is as it is; leave out one.")
         if self.noise_input and self.size == "red-cnn":
             raise ValueError("--noise-input has no effect on red-cnn, which has no such input; leave it out.")
+        if self.noise_input and self.method == "single-scan":
+            raise ValueError(
+                "--noise-input needs pairs that say how noisy they are, as a single scan does not; leave it out."
+            )
         if self.network.suffix != SUFFIX:
             raise ValueError(f"{self.network}: the name of a network must end in {SUFFIX}.")
         begun_with = [network_file(name) for name in (self.begin_with, self.loop_denoiser) if name is not None]
@@ -129,7 +133,7 @@ class Train(TrainingOptions):
         return network
 
     def _settings(self) -> dict[str, Any]:
-        """All that the weights depend on, besides the options of the method and its data."""
+        """All that the weights depend on beyond rounding, besides the options of the method and its data."""
         names = ["method", "epochs", "pairs_per_epoch", "batch", "side", "learning_rate", "decay", "bfloat16", "seed"]
         begin_with = self.begin_with and sha256_of(network_file(self.begin_with))
         size = None if begin_with else self.size or "small"

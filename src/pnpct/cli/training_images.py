@@ -14,7 +14,7 @@ from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import Scan, take_log
-from pnpct.reconstruction import DAMPING, ADMMState, fbp, pnp_admm
+from pnpct.reconstruction import ADMMState, fbp, pnp_admm
 
 BETAS = (0.7, 1.5)
 """Lowest and highest penalty, between which it is drawn evenly in its logarithm: around the default.
@@ -82,13 +82,15 @@ class LoopImages:
         iterations: Most iterations, ≥ 1.
         number: In how many of them, from 1 to all. Each image costs the iterations before it, so several cost little
             more than one.
+        damping: Share of the dual variable that each iteration forgets: what the reconstruction has around the same
+            denoiser.
     """
 
     denoiser: Denoise | None = field(default=None, repr=False)
     name: str = "tv"
     iterations: int = 3
     number: int = 1
-    damping: float = DAMPING
+    damping: float = 0.0
 
     def __call__(
         self, scan: Scan, grid: ImageGrid, generator: torch.Generator

@@ -29,12 +29,13 @@ class TrainingOptions:
         texture_weight: Weight of the texture term in that loss, (HU / 1000)².
         contrast_weight: Weight of its contrast term, (HU / 1000)².
         examples: Slices that are scanned and reconstructed, before they come again with other changes.
-        kept: Folder that their images are kept in, for this and other trainings; about 5 MB for each of 512 x 512.
+        kept: Folder that their images are kept in, for this and other trainings; each of 512 x 512 pixels takes
+            5 MB, and 2 MB for each further image of its loop.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
         reference: What dose pairs learn towards: FBP images of scans at this tube current, mA; noise-free, which is
             what each image would be without its noise, just as blurred; or truth, what was scanned.
-        discount: Power of the noise by which noisy pairs count less: 0 counts all alike, 2 much less.
+        discount: Power of the noise by which noisy pairs count less, 0 to 4: 0 counts all alike, 2 much less.
     """
 
     method: Literal["two-stage", "supervised", "single-scan"] = "two-stage"

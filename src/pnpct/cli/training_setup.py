@@ -15,6 +15,7 @@ from pnpct.cli.training_images import QUIET_MA, LoopImages, fbp_image, unchanged
 from pnpct.denoisers import as_denoiser
 from pnpct.denoisers.noise_level import is_told_noise_level
 from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
+from pnpct.reconstruction import DAMPING
 from pnpct.training import Examples, Reference
 from pnpct.units import to_hu
 
@@ -54,7 +55,8 @@ def examples_of(
 
     Raises:
         OSError: If a file cannot be read.
-        ValueError: If the part is empty, or there is no iteration or image of one.
+        ValueError: If the part is empty, there is no iteration or image of one, or the network of the loop is told
+            the noise level.
     """
     if loop_iterations < 1:
         raise ValueError(f"The loop needs at least one iteration, got {loop_iterations}.")
@@ -67,8 +69,10 @@ def examples_of(
     if loop_denoiser is not None:
         path = network_file(loop_denoiser)
         network = load_network(path).to(device)
+        if is_told_noise_level(network):
+            raise ValueError(f"{loop_denoiser} is told the noise level, which the loop of training does not know.")
         name = f"{sha256_of(path)}{' in bfloat16' if bfloat16 else ''}"
-        loop = LoopImages(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations, loop_images)
+        loop = LoopImages(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations, loop_images, DAMPING)
     towards: dict[str, Any] = {"reference": reference}
     if reference == "noise-free":
         perfect = replace(loop, denoiser=unchanged, name="none")

@@ -57,7 +57,7 @@ def as_denoiser(
     if batch < 1:
         raise ValueError(f"At least one slice is worked on at a time, got a batch of {batch}.")
     if not 1 <= passes <= 4:
-        raise ValueError(f"A network is applied 1 to 4 times, got {passes:g}.")
+        raise ValueError(f"The strength of a network is how often it is applied, 1 to 4 times, got {passes:g}.")
     frozen = copy.deepcopy(network).eval().requires_grad_(False)
     frozen.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # PyTorch knows it, its types do not
     place = next(frozen.parameters(), torch.empty(0))

@@ -54,8 +54,11 @@ class Pairs:
             repeats one.
         augment: Whether pairs are mirrored, turned, moved and scaled at random.
         side: Rows and columns of a square that is cut out at random; None takes whole images.
-        discount: Power of the noise that the weight of a pair is divided by: 0 counts all alike, 2 makes their
-            squared errors alike.
+        discount: Power of the noise that the weight of a pair is divided by, 0 to 4: 0 counts all alike, 2 makes
+            their squared errors alike.
+
+    Raises:
+        ValueError: If there is no example, or the discount is out of its range.
     """
 
     examples: Callable[[int], Example]
@@ -65,6 +68,12 @@ class Pairs:
     augment: bool = True
     side: int | None = None
     discount: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.distinct is not None and self.distinct < 1:
+            raise ValueError(f"Pairs are drawn from at least one example, got {self.distinct}.")
+        if not 0 <= self.discount <= 4:
+            raise ValueError(f"The discount of noisy pairs is a power from 0 to 4, got {self.discount:g}.")
 
     def __call__(self, number: int) -> Pair:
         """Draw the pair of a number, from 0 on."""
