@@ -33,6 +33,15 @@ def test_it_does_what_the_network_does_in_any_shape(
         torch.testing.assert_close(as_denoiser(network)(images), network(images), rtol=0, atol=1e-6)
 
 
+def test_what_is_denser_than_bone_is_handed_on(images: torch.Tensor) -> None:
+    denoise = as_denoiser(awake())
+    images[..., 5:9, 5:9] = 4.0
+    with_metal = images.clone()
+    with_metal[..., 5:9, 5:9] += torch.arange(16.0).reshape(4, 4)
+    torch.testing.assert_close(denoise(with_metal) - denoise(images), with_metal - images)
+    assert (denoise(images) != images).any()
+
+
 def test_an_empty_batch_stays_empty() -> None:
     assert as_denoiser(awake())(torch.ones(0, 3, 24, 22)).shape == (0, 3, 24, 22)
 

@@ -23,6 +23,7 @@ from pnpct.reconstruction import (
     pnp_admm,
     sigma_v_from_beta,
     solver_by_name,
+    starting_state,
     tv_pwls,
     until,
 )
@@ -51,7 +52,7 @@ class FilteredBackProjection:
 
 @dataclass(frozen=True)
 class PlugAndPlay:
-    """Plug-and-play ADMM from a smooth FBP image on; `strength` is as `choose_denoiser` takes it."""
+    """Plug-and-play ADMM from `starting_state` on; `strength` is as `choose_denoiser` takes it."""
 
     denoiser: str = "tv"
     strength: float | None = None
@@ -78,7 +79,8 @@ class PlugAndPlay:
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
         beta = BETA if self.beta is None else self.beta
         beta = beta if self.sigma_v is None else beta_from_sigma_v(self.sigma_v, sinogram, projector)
-        start = _start(sinogram, projector)
+        with working("Filtered back-projection"):
+            start = starting_state(sinogram, projector)
         learnt = self.denoiser not in DENOISERS
         damping = (DAMPING if learnt else 0.0) if self.damping is None else self.damping
         states = pnp_admm(sinogram, projector, denoise, start, beta=beta, damping=damping, solver=solver)
@@ -103,7 +105,8 @@ class TotalVariationLeastSquares:
 
     def __call__(self, sinogram: Sinogram, projector: Projector) -> Reconstructed:
         """Return the image."""
-        start = _start(sinogram, projector)
+        with working("Filtered back-projection"):
+            start = ADMMState.start(fbp(sinogram.line_integrals, projector, kernel="soft"))
         states = tv_pwls(sinogram, projector, start, strength=checked_strength(self.strength) / 1000, beta=self.beta)
         image, how_far = _iterated(states, start, self.iterations, self.stop, last_iterate)
         return image, {**asdict(self), **how_far}
@@ -147,11 +150,6 @@ def check_effect(options: Iterable[str], name: str, methods: Mapping[str, type[A
             others = " or ".join(other for other in methods if option in known[other])
             spelled = option.replace("_", "-")
             raise ValueError(f"--{spelled} has no effect on --method {name}, but on {others}; leave out one of them.")
-
-
-def _start(sinogram: Sinogram, projector: Projector) -> ADMMState:
-    image, _ = FilteredBackProjection("soft")(sinogram, projector)
-    return ADMMState.start(image)
 
 
 def _iterated(

@@ -10,6 +10,12 @@ from pnpct.arrays import Image
 from pnpct.denoisers.by_name import Denoise
 from pnpct.denoisers.noise_level import NoiseLevel, check_noise_level
 
+DENSEST = 4.0
+"""What a network is shown at most, relative to water: 3000 HU, more than any bone.
+
+What metal has beyond is handed on as it is: in the loop of ADMM networks made it denser with each iteration.
+"""
+
 
 def as_denoiser(
     network: nn.Module,
@@ -23,7 +29,7 @@ def as_denoiser(
 
     The denoiser keeps a copy: what happens to the network later, in training or otherwise, does not change it. The
     copy is laid out with the channels last, which is quicker on processors, and stays on the device of the network;
-    images come from any device and go back to theirs, in their type.
+    images come from any device and go back to theirs, in their type. What exceeds `DENSEST` is added again afterwards.
 
     Args:
         network: Takes images [batch, rows, cols] relative to water, and a noise level too if it has `noise_input`.
@@ -63,7 +69,9 @@ def as_denoiser(
     place = next(frozen.parameters(), torch.empty(0))
 
     def once(image: Image) -> Image:
-        slices = image.reshape(image.shape[:-2].numel(), *image.shape[-2:])
+        image = image.detach()
+        seen = image.clamp(max=DENSEST)
+        slices = seen.reshape(seen.shape[:-2].numel(), *seen.shape[-2:])
         levels = None if level is None else level.to(image).expand_as(image).reshape(slices.shape)
         # Memory from outside inference mode: a caller may work on the result in place.
         result = torch.empty_like(slices)
@@ -72,7 +80,7 @@ def as_denoiser(
                 chosen = slice(first, first + batch)
                 inputs = (slices,) if levels is None else (slices, levels)
                 result[chosen] = frozen(*(array[chosen].to(place) for array in inputs)).to(image)
-        return result.reshape(image.shape)
+        return result.reshape(image.shape) + (image - seen)
 
     def denoise(image: Image) -> Image:
         result = once(image)

@@ -5,6 +5,7 @@ from pnpct.reconstruction.normal_equations import beta_from_sigma_v, mean_diagon
 from pnpct.reconstruction.pnp_admm import DAMPING, ADMMState, pnp_admm
 from pnpct.reconstruction.reconstruct import RESULTS, Result, ResultName, last_iterate, mean_iterate, reconstruct
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
+from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
 from pnpct.reconstruction.tv_pwls import tv_pwls
 
@@ -29,6 +30,7 @@ __all__ = [
     "relative_rule",
     "sigma_v_from_beta",
     "solver_by_name",
+    "starting_state",
     "tv_pwls",
     "until",
 ]

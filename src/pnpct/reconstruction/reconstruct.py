@@ -9,10 +9,10 @@ from pnpct.arrays import Image
 from pnpct.denoisers import Denoise
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
-from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.fourier import fourier
 from pnpct.reconstruction.normal_equations import MakeSolver
 from pnpct.reconstruction.pnp_admm import BETA, ADMMState, pnp_admm
+from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import StopRule, relative_rule, until
 
 ITERATIONS = 20
@@ -72,7 +72,7 @@ def reconstruct(
     solver: MakeSolver = fourier,
     result: Result = last_iterate,
 ) -> Image:
-    """Reconstruct by plug-and-play ADMM, beginning from a smooth FBP image.
+    """Reconstruct by plug-and-play ADMM, beginning where `starting_state` says.
 
     It is the loop around `pnp_admm` for who wants the image alone; write the loop to watch, draw or save.
 
@@ -93,7 +93,7 @@ def reconstruct(
     Raises:
         ValueError: If `beta`, `damping` or `iterations` is out of its range.
     """
-    start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
+    start = starting_state(sinogram, A)
     states = pnp_admm(sinogram, A, denoise, start, beta=beta, damping=damping, solver=solver)
     return result(until(states, start, iterations=iterations, stop=stop))
 

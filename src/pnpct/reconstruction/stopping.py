@@ -31,7 +31,10 @@ def paper_rule(before: ADMMState, after: ADMMState, *, tolerance: float = 1e-4) 
 def relative_rule(
     before: ADMMState, after: ADMMState, *, tolerance: float = 1e-3, disagreement_hu: float = 2.0
 ) -> bool:
-    """Stop once the root of `change`, relative to x, is at most `tolerance`, and x and v agree to `disagreement_hu`."""
+    """Stop once the root of `change`, relative to x, is at most `tolerance`, and x and v agree to `disagreement_hu`.
+
+    Where u is damped they need not agree even in the limit: then only a number of iterations ends ADMM.
+    """
     size = after.x.square().mean((-2, -1)).clamp(min=1e-12)
     settled = change(before, after) <= tolerance**2 * size
     agreed = (after.x - after.v).square().mean((-2, -1)) <= (disagreement_hu / 1000) ** 2

@@ -1,0 +1,34 @@
+import torch
+
+from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.operators import Projector
+from pnpct.physics import Scan, Sinogram, simulate_counts, take_log
+from pnpct.reconstruction import fbp, starting_state
+
+
+def scanned(image: torch.Tensor, A: Projector) -> Sinogram:
+    noise = torch.Generator().manual_seed(3)
+    counts = simulate_counts(A(image), torch.tensor(2e4), electronic_noise=5.0, generator=noise)
+    return take_log(Scan(counts, torch.tensor(2e4), 5.0, geometry=A.geometry, mu_water=A.mu_water))
+
+
+def test_without_metal_admm_begins_with_smooth_fbp(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:
+    A = Projector(grid, geometry)
+    sinogram = scanned(disk, A)
+    state = starting_state(sinogram, A)
+    assert torch.equal(state.v, fbp(sinogram.line_integrals, A, kernel="soft"))
+    assert not state.u.any()
+
+
+def test_with_metal_it_begins_without_its_streaks(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:
+    A = Projector(grid, geometry)
+    rows, cols = disk.shape
+    metal = torch.zeros_like(disk, dtype=torch.bool)
+    for first in (-9, 3):
+        metal[rows // 2 - 3 : rows // 2 + 3, cols // 2 + first : cols // 2 + first + 6] = True
+    sinogram = scanned(torch.where(metal, 30.0, disk), A)
+    around = torch.nn.functional.max_pool2d(metal.float()[None], 9, stride=1, padding=4)[0].bool()
+    away = (disk > 0.5) & ~around
+    streaky = fbp(sinogram.line_integrals, A, kernel="soft")
+    error, of_fbp = ((image - disk)[away].square().mean().sqrt() for image in (starting_state(sinogram, A).v, streaky))
+    assert error < 0.7 * of_fbp
