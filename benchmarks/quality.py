@@ -1,7 +1,7 @@
 """How far each method is from the truth, on scans that took no part in training.
 
     python benchmarks/quality.py FOLDER [--cases abdomen,chest,head,pelvis,catsim-chest] [--doses 40,70,100]
-        [--n2n n2n] [--supervised supervised] [--red-cnn RED-CNN.safetensors] [--seed 0]
+        [--n2n n2n] [--supervised supervised] [--red-cnn RED-CNN.safetensors] [--seed 0] [--patients 900]
 
 Prints for every case and dose, in HU: RMSE in soft tissue and in the body, bias in uniform soft tissue, the share of
 a lesion of 12 mm and -40 HU that is kept (difference of two scans with the same noise), and for plug-and-play the
@@ -9,7 +9,7 @@ RMSE after all iterations over that after the best number of them, in soft tissu
 the cases. FBP has the kernel, the blur its width and total variation its strength with the least RMSE in soft tissue
 of this very scan: an oracle that the learned methods do not have. The folder gets the exposures of the cases, the
 images as .h5 and .png, and the rows as .json, with the errors of every choice; they are not measured again. Take
-another folder for another network, seed or version.
+another folder for another network, seed or version, or for other patients.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from pnpct.operators import Projector
 from pnpct.physics import Exposure, Scan, Sinogram, take_log
 from pnpct.reconstruction import DAMPING, ADMMState, mean_iterate, reconstruct
 from pnpct.units import to_hu
-from quality_cases import CONTRAST_HU, QualityCase, cases
+from quality_cases import CONTRAST_HU, PATIENTS, QualityCase, cases
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
@@ -152,6 +152,7 @@ def main() -> None:
     options.add_argument("--supervised", default="supervised")
     options.add_argument("--red-cnn", default="")
     options.add_argument("--seed", type=int, default=0, help="of the noise")
+    options.add_argument("--patients", type=int, default=PATIENTS, help="seed of the made-up ones")
     options.add_argument("--no-classical", action="store_true", help="networks alone")
     given = options.parse_args()
     files = {"RED-CNN": given.red_cnn, "supervised": given.supervised, "two-stage": given.n2n}
@@ -160,7 +161,7 @@ def main() -> None:
     doses = [float(dose) for dose in given.doses.split(",")]
     rows: dict[float, list[Rows]] = {dose: [] for dose in doses}
     what = {"seed": given.seed, "classical": not given.no_classical}
-    for case in cases(given.folder, given.cases.split(",")):
+    for case in cases(given.folder, given.cases.split(","), given.patients):
         truth = given.folder / f"{case.name}-truth.h5"
         write_image(truth, case.plain.truth, case.plain.grid, provenance=record_run(sys.argv))
         for dose in doses:

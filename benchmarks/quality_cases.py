@@ -26,7 +26,9 @@ from pnpct.simulation import (
 from pnpct.units import to_hu
 from reference_scans import FOLDER, chest
 
-SEED = 900
+PATIENTS = 900
+"""Seed of the made-up patients that the networks were chosen by."""
+
 DIAMETER_MM, CONTRAST_HU = 12.0, -40.0
 
 
@@ -49,8 +51,8 @@ class QualityCase:
     uniform: torch.Tensor
 
 
-def cases(folder: Path, names: list[str]) -> Iterator[QualityCase]:
-    """Yield the cases, made or read from the folder; "catsim-chest" is the chest through CatSim."""
+def cases(folder: Path, names: list[str], patients: int = PATIENTS) -> Iterator[QualityCase]:
+    """Yield the cases, made or read from the folder; "catsim-chest" is the chest through CatSim, always the same."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         if name == "catsim-chest":
@@ -60,7 +62,7 @@ def cases(folder: Path, names: list[str]) -> Iterator[QualityCase]:
             continue
         files = [folder / f"{name}-{kind}.h5" for kind in ("plain", "lesion")]
         if not all(file.exists() for file in files):
-            _make(name, files)
+            _make(name, files, patients)
         plain, lesion = (read_exposure(file) for file in files)
         change = to_hu(lesion.truth) - to_hu(plain.truth)
         uniform, _ = _uniform(plain.truth, plain.grid)
@@ -70,8 +72,8 @@ def cases(folder: Path, names: list[str]) -> Iterator[QualityCase]:
         yield QualityCase(name, plain, lesion, torch.from_numpy(away < 0.3 * DIAMETER_MM), uniform)
 
 
-def _make(name: str, files: list[Path]) -> None:
-    source = made_up(name, np.random.default_rng([SEED, *name.encode()]))
+def _make(name: str, files: list[Path], patients: int) -> None:
+    source = made_up(name, np.random.default_rng([patients, *name.encode()]))
     grid, geometry = source.grid, clinical_fan_beam()
     fine = ImageGrid(2 * grid.rows, 2 * grid.cols, grid.spacing / 2)
     beam = scanner_beam(geometry, tube_voltage_kvp=120.0)
@@ -83,7 +85,7 @@ def _make(name: str, files: list[Path]) -> None:
         (moments,) = simulate_moments(phantom, geometry, [beam])
         image = truth(phantom, grid, energy=beam.effective_energy)
         exposed = ExposedSlice(as_exposure(moments, geometry, beam), image, grid)
-        write_exposures(file, {120.0: exposed}, provenance=record_run(["benchmarks/quality.py"], seed=SEED))
+        write_exposures(file, {120.0: exposed}, provenance=record_run(["benchmarks/quality.py"], seed=patients))
 
 
 def _uniform(image: Image, grid: ImageGrid) -> tuple[torch.Tensor, tuple[float, float]]:
