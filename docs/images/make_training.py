@@ -7,11 +7,11 @@ import matplotlib.pyplot as plt
 
 HERE = Path(__file__).parent
 LOGS = HERE.parents[1] / "runs" / "weights"
-ROUNDS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth", "eleventh")
-CHAINS = {
-    "two-stage": (*ROUNDS, "n2n"),
-    "supervised": (*(f"{name}-supervised" for name in ROUNDS), "supervised"),
-}
+ROUNDS = (
+    *("first", "second", "third", "fourth", "fifth", "sixth", "seventh"),
+    *("eighth", "ninth", "tenth", "eleventh", "twelfth", "thirteenth"),
+)
+CHAINS = {"two-stage": ROUNDS, "supervised": tuple(f"{name}-supervised" for name in ROUNDS)}
 LINE = re.compile(r"^(?P<stage>[a-z-]+) \d+: loss (?P<loss>\S+), fbp (?P<fbp>\S+), loop (?P<loop>\S+)$")
 
 
