@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
-from pnpct.operators import Projector
+from pnpct.operators import LinearOperator, Projector
 from pnpct.operators.torch_projector import TorchProjector
 
 FAN = FanBeam(
@@ -217,3 +217,19 @@ def test_options_are_checked():
 def test_the_adjoint_of_the_adjoint_is_the_projector():
     A = Projector(GRID, FAN)
     assert A.T.T is A
+
+
+def test_the_dimensions_of_images_and_rays_are_counted_from_the_last():
+    class SumOverSlices(LinearOperator):
+        domain_shape, range_shape = (3, 4, 5), (4, 5)
+
+        def forward(self, x):
+            return x.sum(-3)
+
+        def adjoint(self, y):
+            return y.unsqueeze(-3).expand(*y.shape[:-2], *self.domain_shape)
+
+    A = SumOverSlices()
+    assert (A.domain_dims, A.range_dims) == ((-3, -2, -1), (-2, -1))
+    assert (A.T.domain_dims, A.T.range_dims) == (A.range_dims, A.domain_dims)
+    assert torch.ones(2, *A.domain_shape).sum(A.domain_dims).tolist() == [60.0, 60.0]

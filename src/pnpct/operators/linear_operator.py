@@ -14,11 +14,22 @@ class LinearOperator(ABC):
     """A linear map between arrays whose trailing shapes are fixed; leading dimensions are a batch.
 
     A subclass says `domain_shape` and `range_shape` and gives `forward` and `adjoint`; calling the operator checks
-    the shape once for everybody.
+    the shape once for everybody. Whatever is summed over an image or over its rays is summed over `domain_dims` or
+    `range_dims`, so that it holds for volumes too.
     """
 
     domain_shape: Shape
     range_shape: Shape
+
+    @property
+    def domain_dims(self) -> Shape:
+        """The dimensions of an array of the domain, counted from the last: (-2, -1) for images."""
+        return tuple(range(-len(self.domain_shape), 0))
+
+    @property
+    def range_dims(self) -> Shape:
+        """The dimensions of an array of the range, counted from the last: (-2, -1) for views and bins."""
+        return tuple(range(-len(self.range_shape), 0))
 
     @abstractmethod
     def forward(self, x: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
