@@ -9,7 +9,7 @@ picture of each. The strengths are those with the least RMSE on this very scan: 
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -20,7 +20,7 @@ from pnpct.evaluation import bias_hu, rmse_hu, soft_tissue_mask
 from pnpct.files import record_run, write_image
 from pnpct.operators import Projector
 from pnpct.physics import take_log
-from pnpct.reconstruction import ADMMState, fbp, pnp_admm, tv_pwls, until
+from pnpct.reconstruction import TVPWLS, Method, PlugAndPlay, fbp
 from reference_scans import Reference, chest
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
@@ -44,11 +44,6 @@ class Table:
         write_image(path, image, self.reference.grid, provenance=record_run(sys.argv), window=(30.0, 400.0))
 
 
-def last(states: Iterator[ADMMState], start: ADMMState) -> tuple[Image, int]:
-    *_, (number, state) = enumerate(until(states, start, iterations=40), start=1)
-    return state.v, number
-
-
 def compare(table: Table, *, iterative: bool) -> None:
     scan, grid = table.reference.scan, table.reference.grid
     began = time.perf_counter()
@@ -64,20 +59,18 @@ def compare(table: Table, *, iterative: bool) -> None:
     blurred = {width / 4: Gaussian(width / 4)(images["ram-lak"]) for width in range(2, 13)}
     width = min(blurred, key=lambda width: table.rmse(blurred[width]))
     table.row("fbp ram-lak blurred", blurred[width], 0.0, f"s.d. {width} pixels")
-    start = ADMMState.start(images["soft"])
-    methods = {
-        "tv-pwls": lambda strength: tv_pwls(sinogram, A, start, strength=strength),
-        "pnp tv": lambda strength: pnp_admm(sinogram, A, TotalVariation(strength), start),
+    methods: dict[str, Callable[[float], Method]] = {
+        "tv-pwls": lambda strength: TVPWLS(strength, iterations=40),
+        "pnp tv": lambda strength: PlugAndPlay(TotalVariation(strength / 1000), iterations=40),
     }
-    strengths = {"tv-pwls": (0.04, 0.07, 0.1), "pnp tv": (0.04, 0.07, 0.1)}
-    for name, states in methods.items():
+    for name, method in methods.items():
         results = []
-        for strength in strengths[name]:
+        for strength in (40.0, 70.0, 100.0):
             began = time.perf_counter()
-            image, iterations = last(states(strength), start)
-            results.append((table.rmse(image), strength, image, time.perf_counter() - began, iterations))
-        _, strength, image, seconds, iterations = min(results, key=lambda result: result[0])
-        table.row(name, image, seconds, f"strength {strength}, {iterations} iterations")
+            made = method(strength)(sinogram, A)
+            results.append((table.rmse(made.image), strength, made, time.perf_counter() - began))
+        _, strength, made, seconds = min(results, key=lambda result: result[0])
+        table.row(name, made.image, seconds, f"strength {strength:g}, {made.iterations} iterations")
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ import time
 
 import torch
 
-from pnpct.denoisers import RDNCBAM, REDCNN, SIZES, Denoise, as_denoiser
+from pnpct.denoisers import RDNCBAM, REDCNN, SIZES, Denoise, LearnedDenoiser
 from pnpct.denoisers.network_cost import network_cost
 from pnpct.files import load_network, network_file
 from pnpct.units import to_hu
@@ -47,9 +47,9 @@ def main() -> None:
         print(f"| {name} | {cost.parameters:,} | {cost.multiply_adds / 1e9:.0f} · 10⁹ |")
     shipped = load_network(network_file("n2n"))
     raced = {
-        "small": as_denoiser(shipped),
-        "small, bfloat16": as_denoiser(shipped, bfloat16=True),
-        "RED-CNN": as_denoiser(networks["RED-CNN"]),
+        "small": LearnedDenoiser(shipped),
+        "small, bfloat16": LearnedDenoiser(shipped, bfloat16=True),
+        "RED-CNN": LearnedDenoiser(networks["RED-CNN"]),
     }
     image = slice_like_fbp(60.0)
     times: dict[str, list[float]] = {name: [] for name in raced}

@@ -15,7 +15,7 @@ another folder for another network, seed or version, or for other patients.
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,13 +23,12 @@ from typing import Any
 import torch
 
 from pnpct.arrays import Image
-from pnpct.comparison.candidates import blurred, denoised, filtered, plug_and_play, total_variation
-from pnpct.denoisers import Denoise, as_denoiser
+from pnpct.denoisers import Denoise, Gaussian
 from pnpct.evaluation import bias_hu, body_mask, rmse_hu, soft_tissue_mask
-from pnpct.files import load_network, network_file, record_run, write_image
+from pnpct.files import load_denoiser, record_run, write_image
 from pnpct.operators import Projector
-from pnpct.physics import Exposure, Scan, Sinogram, take_log
-from pnpct.reconstruction import DAMPING, ADMMState, mean_iterate, reconstruct
+from pnpct.physics import Exposure, Scan, take_log
+from pnpct.reconstruction import FBP, TVPWLS, ADMMState, DenoisedFBP, Method, PlugAndPlay
 from pnpct.units import to_hu
 from quality_cases import CONTRAST_HU, PATIENTS, QualityCase, cases
 
@@ -37,7 +36,6 @@ KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
 STRENGTHS_HU = (30.0, 50.0, 80.0, 120.0, 180.0, 270.0, 400.0)
 
-Method = Callable[[Sinogram, Projector], Image]
 Row = dict[str, Any]
 Rows = dict[str, Row]
 
@@ -63,7 +61,7 @@ class Judge:
 
     def best(self, name: str, choices: dict[str, Method]) -> Row:
         """Judge the choice with the least RMSE in soft tissue."""
-        images = {choice: method(self.sinograms[0], self.A) for choice, method in choices.items()}
+        images = {choice: method(self.sinograms[0], self.A).image for choice, method in choices.items()}
         errors = {choice: self.errors(image) for choice, image in images.items()}
         choice = min(errors, key=errors.__getitem__)  # in soft tissue first
         return {**self.row(name, choices[choice], images[choice]), "note": choice, "choices": errors}
@@ -71,22 +69,25 @@ class Judge:
     def loop(self, name: str, denoise: Denoise) -> Row:
         """Judge plug-and-play, and how much worse it is after all iterations than after the best number of them."""
         errors: list[tuple[float, float]] = []
+        mean = torch.zeros_like(self.truth)
 
-        def watched(states: Iterable[ADMMState]) -> Image:
-            seen = list(states)
-            errors.extend(self.errors(mean_iterate(seen[:number])) for number in range(1, len(seen) + 1))
-            return mean_iterate(seen)
+        def watched(states: Iterator[ADMMState], _most: int) -> Iterable[ADMMState]:
+            for number, state in enumerate(states, start=1):
+                mean.lerp_(state.v, 1 / number)
+                errors.append(self.errors(mean))
+                yield state
 
-        image = reconstruct(self.sinograms[0], self.A, denoise, damping=DAMPING, result=watched)
+        method = PlugAndPlay(denoise)
+        image = method(self.sinograms[0], self.A, progress=watched).image
         shares = [of_mask[-1] / min(of_mask) for of_mask in zip(*errors, strict=True)]
         note = "after {} iterations {:.3f} and {:.3f} of the least errors".format(len(errors), *shares)
-        return {**self.row(name, in_loop(denoise), image), "note": note}
+        return {**self.row(name, method, image), "note": note}
 
     def row(self, name: str, method: Method, image: Image | None = None) -> Row:
-        image = method(self.sinograms[0], self.A) if image is None else image
+        image = method(self.sinograms[0], self.A).image if image is None else image
         kept = None
         if len(self.sinograms) == 2:
-            change = to_hu(method(self.sinograms[1], self.A)) - to_hu(image)
+            change = to_hu(method(self.sinograms[1], self.A).image) - to_hu(image)
             kept = 100 * float(change[self.case.core].mean()) / CONTRAST_HU
         path = self.folder / f"{self.case.name}-{self.dose:g}mA-{name.replace(',', '').replace(' ', '-')}"
         for suffix in (".png", ".h5"):
@@ -94,10 +95,6 @@ class Judge:
         soft, body = self.errors(image)
         bias = bias_hu(image, self.truth, mask=self.case.uniform)
         return {"soft tissue": soft, "body": body, "bias": bias, "lesion kept": kept, "note": ""}
-
-
-def in_loop(denoise: Denoise) -> Method:
-    return plug_and_play("", "", denoise, {}).make
 
 
 def judge(
@@ -109,13 +106,13 @@ def judge(
     judged = Judge(case, dose, folder, seed)
     work: dict[str, Callable[[str], Row]] = {}
     if classical:
-        work["FBP"] = partial(judged.best, choices={kernel: filtered(kernel).make for kernel in KERNELS})
-        blurs = {f"{width:g} pixels": blurred(width).make for width in WIDTHS}
+        work["FBP"] = partial(judged.best, choices={kernel: FBP(kernel) for kernel in KERNELS})
+        blurs = {f"{width:g} pixels": DenoisedFBP(Gaussian(width)) for width in WIDTHS}
         work["blurred FBP"] = partial(judged.best, choices=blurs)
-        strengths = {f"{strength:g} HU pixels": total_variation(strength).make for strength in STRENGTHS_HU}
+        strengths = {f"{strength:g} HU pixels": TVPWLS(strength) for strength in STRENGTHS_HU}
         work["TV-PWLS"] = partial(judged.best, choices=strengths)
     for name, denoise in networks.items():
-        work[name] = partial(judged.row, method=denoised(name, name, denoise, {}).make)
+        work[name] = partial(judged.row, method=DenoisedFBP(denoise))
         if name != "RED-CNN":
             work[f"PnP {name}"] = partial(judged.loop, denoise=denoise)
     for name, measure in work.items():
@@ -156,7 +153,7 @@ def main() -> None:
     options.add_argument("--no-classical", action="store_true", help="networks alone")
     given = options.parse_args()
     files = {"RED-CNN": given.red_cnn, "supervised": given.supervised, "two-stage": given.n2n}
-    networks = {name: as_denoiser(load_network(network_file(file))) for name, file in files.items() if file}
+    networks = {name: load_denoiser(file) for name, file in files.items() if file}
     print("| case | mA | method | soft tissue | body | bias | lesion kept | |\n|---|---|---|---|---|---|---|---|")
     doses = [float(dose) for dose in given.doses.split(",")]
     rows: dict[float, list[Rows]] = {dose: [] for dose in doses}

@@ -20,7 +20,7 @@ import torch
 from pnpct.evaluation import rmse_hu, soft_tissue_mask
 from pnpct.operators import Projector
 from pnpct.physics import Scan, simulate_counts, take_log
-from pnpct.reconstruction import ADMMState, fbp, tv_pwls, until
+from pnpct.reconstruction import TVPWLS
 from pnpct.units import MU_WATER_70_KEV
 from projector import FULL_TURN, GRID, SIZE, SPACING, VIEWS
 from reference_scans import chest
@@ -38,9 +38,7 @@ def main() -> None:
 
     def ours() -> float:
         sinogram, A = take_log(scan), Projector(GRID, FULL_TURN)
-        start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-        *_, last = until(tv_pwls(sinogram, A, start), start, iterations=60)
-        return rmse_hu(last.v, truth, mask=mask)
+        return rmse_hu(TVPWLS(iterations=60)(sinogram, A).image, truth, mask=mask)
 
     def svmbir() -> float:
         import svmbir as package
@@ -65,7 +63,7 @@ def main() -> None:
         candidates = [np.rot90(side, turn) for side in (image[0], image[0].T) for turn in range(4)]
         return min(rmse_hu(torch.from_numpy(c.copy()) / MU_WATER_70_KEV, truth, mask=mask) for c in candidates)
 
-    methods = {"pnpct tv_pwls": ours}
+    methods = {"pnpct TVPWLS": ours}
     if importlib.util.find_spec("svmbir"):
         methods["svmbir recon"] = svmbir
     seconds: dict[str, list[float]] = {name: [] for name in methods}

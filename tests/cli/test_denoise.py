@@ -15,7 +15,7 @@ from pnpct.files.checkpoint import ABOUT
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import take_log
-from pnpct.reconstruction import DAMPING, last_iterate, mean_iterate, reconstruct
+from pnpct.reconstruction import DAMPING, denoiser_settings, reconstruct
 
 TINY = RDNSize(features=4, growth=2, blocks=1, convolutions=2, unshuffle=2)
 
@@ -56,29 +56,32 @@ def test_a_classical_denoiser_does_what_it_does_in_python(name, strength, run, m
     assert kept == grid
     torch.testing.assert_close(denoised, make_denoiser(name, strength)(image), rtol=0, atol=1e-6)
     assert said_of(out).inputs == {str(made / "image.h5"): sha256_of(made / "image.h5")}
-    assert {"denoiser": name, "strength": strength}.items() <= said_of(out).settings.items()
+    assert denoiser_settings(make_denoiser(name, strength)).items() <= said_of(out).settings.items()
 
 
 @pytest.mark.parametrize("told", [False, True])
 def test_a_network_does_what_it_does_in_python(told, run, made, tmp_path):
     path = save(tmp_path / "net.safetensors", RDNCBAM(TINY, noise_input=told))
     out = tmp_path / "out.h5"
-    words = ["--strength", "30"] if told else []
+    words = ["--noise-level-hu", "30"] if told else []
     assert run("denoise", made / "image.h5", out, "--denoiser", path, "--device", "cpu", *words)[0] == 0
     image, _ = read_image(made / "image.h5")
-    expected = load_denoiser(path, noise_level=0.03 if told else None)(image)
+    expected = load_denoiser(path, noise_level_hu=30.0 if told else None)(image)
     torch.testing.assert_close(read_image(out)[0], expected, rtol=0, atol=1e-6)
     assert (expected - image).abs().max() > 1e-3
     settings = said_of(out).settings
     assert settings["denoiser_sha256"] == sha256_of(path)
-    assert settings["strength"] == (30 if told else 1)
+    assert settings["passes"] == 1
+    assert settings.get("noise_level_hu") == (pytest.approx(30) if told else None)
 
 
 def test_slices_of_nifti_are_denoised_each_and_keep_their_distance(run, tmp_path, generator):
     image, grid = 1 + 0.1 * torch.randn(3, 24, 20, generator=generator), ImageGrid(24, 20, 0.75)
     provenance = Provenance(["pnpct"], "0.1.0")
     write_image(tmp_path / "in.nii.gz", image, grid, provenance=provenance, slice_spacing=2.5)
-    status, _, err = run("denoise", tmp_path / "in.nii.gz", tmp_path / "out.nii", "--strength", "20")
+    status, _, err = run(
+        "denoise", tmp_path / "in.nii.gz", tmp_path / "out.nii", "--denoiser", "tv", "--strength", "20"
+    )
     assert (status, err) == (0, "")
     assert np.diag(nib.load(tmp_path / "out.nii").affine).tolist() == [0.75, 0.75, 2.5, 1.0]
     denoised, kept = read_image(tmp_path / "out.nii")
@@ -94,7 +97,7 @@ def test_reconstruct_takes_a_network(run, made, tmp_path):
     assert (status, err) == (0, "")
     settings = said_of(out).settings
     assert (settings["denoiser"], settings["denoiser_sha256"]) == (str(path), sha256_of(path))
-    assert settings["strength"] == 1  # once
+    assert settings["passes"] == 1
     with_network, _ = read_image(out)
     assert run("reconstruct", made / "scan.h5", out, "--iterations", "2")[0] == 0
     assert (read_image(out)[0] - with_network).abs().max() > 1e-3
@@ -102,7 +105,7 @@ def test_reconstruct_takes_a_network(run, made, tmp_path):
 
 def test_a_network_of_the_package_goes_by_its_name(run, made, tmp_path, monkeypatch):
     path = save(tmp_path / "n2n.safetensors", RDNCBAM(TINY))
-    monkeypatch.setattr("pnpct.files.checkpoint.WEIGHTS", tmp_path)
+    monkeypatch.setattr("pnpct.files.named_denoisers.WEIGHTS", tmp_path)
     outs = {"n2n": tmp_path / "by-name.h5", path: tmp_path / "by-path.h5"}
     for denoiser, out in outs.items():
         assert run("denoise", made / "image.h5", out, "--denoiser", denoiser)[0] == 0
@@ -112,7 +115,7 @@ def test_a_network_of_the_package_goes_by_its_name(run, made, tmp_path, monkeypa
 
 def test_a_network_can_be_applied_twice(run, made, tmp_path):
     path, out = save(tmp_path / "net.safetensors", RDNCBAM(TINY)), tmp_path / "out.h5"
-    assert run("denoise", made / "image.h5", out, "--denoiser", path, "--strength", "2")[0] == 0
+    assert run("denoise", made / "image.h5", out, "--denoiser", path, "--passes", "2")[0] == 0
     once = load_denoiser(path)
     image, _ = read_image(made / "image.h5")
     torch.testing.assert_close(read_image(out)[0], once(once(image)), rtol=0, atol=1e-6)
@@ -147,10 +150,9 @@ def test_around_a_network_the_image_is_the_mean_of_the_iterates(run, made, tmp_p
     images = images_of(run, made / "scan.h5", tmp_path, "--denoiser", path)
     scan, (_, grid) = read_scan(made / "scan.h5"), read_image(made / "image.h5")
     sinogram, projector = take_log(scan), Projector(grid, scan.geometry, mu_water=scan.mu_water)
-    for result in (last_iterate, mean_iterate):
-        expected = reconstruct(sinogram, projector, load_denoiser(path), damping=DAMPING, iterations=3, result=result)
-        name = result.__name__.removesuffix("_iterate")
-        torch.testing.assert_close(images[name], expected, rtol=0, atol=1e-6)
+    for result in ("last", "mean"):
+        expected = reconstruct(sinogram, projector, load_denoiser(path), iterations=3, result=result)
+        torch.testing.assert_close(images[result], expected, rtol=0, atol=1e-6)
     assert torch.equal(images["default"], images["mean"])
     assert (images["mean"] - images["last"]).abs().max() > 1e-3
 
@@ -181,16 +183,19 @@ def test_the_help_of_both_commands_says_that_a_file_will_do(run):
         assert "FILE.safetensors" in run(command, "--help")[1]
 
 
+CONDITIONED = with_network(RDNCBAM(TINY, noise_input=True))
 GOOD = "denoise {made}/image.h5 {here}/out.h5"
+TV = GOOD + " --denoiser tv"
+PNP_TV = "reconstruct {made}/scan.h5 {here}/out.h5 --denoiser tv"
 NETWORK = GOOD + " --denoiser {here}/net.safetensors"
 PNP = "reconstruct {made}/scan.h5 {here}/out.h5 --denoiser {here}/net.safetensors"
 
 MISTAKES = [
     Case("an unknown denoiser", GOOD + " --denoiser bm3d", "no denoiser bm3d tv nonlocal-means gaussian .safetensors"),
-    Case("a negative strength", GOOD + " --strength -1", "strength from 0 up -1"),
-    Case("a strength that is no number", GOOD + " --strength nan", "strength from 0 up nan"),
-    Case("fewer digits of tv", GOOD + " --bfloat16", "--bfloat16 no effect on tv networks"),
-    Case("fewer digits of tv in pnp", "reconstruct {made}/scan.h5 {here}/out.h5 --bfloat16", "--bfloat16 tv networks"),
+    Case("a negative strength", TV + " --strength -1", "strength from 0 up -1"),
+    Case("a strength that is no number", TV + " --strength nan", "strength from 0 up nan"),
+    Case("fewer digits of tv", TV + " --bfloat16", "bfloat16 no effect on tv networks"),
+    Case("fewer digits of tv in pnp", PNP_TV + " --bfloat16", "bfloat16 tv networks"),
     Case("no image", "denoise {here}/bad.h5 {here}/out.h5", "There is no file bad.h5"),
     Case("an image cut short", "denoise {here}/bad.h5 {here}/out.h5", "bad.h5 cut short", cut(0.9, of="image.h5")),
     Case("a scan for an image", "denoise {made}/scan.h5 {here}/out.h5", "scan.h5 pnpct-scan pnpct-image needed"),
@@ -209,11 +214,31 @@ MISTAKES = [
     Case("another size", NETWORK, "blocks.0 [3] [4]", with_network(RDNCBAM(TINY), size={**vars(TINY), "features": 3})),
     Case("HU from 0 to 1", NETWORK, "0..1 HU/1000 needed", with_network(RDNCBAM(TINY), normalisation="0..1")),
     Case("a newer version", NETWORK, "version 99 update pnpct", with_network(RDNCBAM(TINY), format_version=99)),
-    Case("no noise level", NETWORK, "give --strength HU", with_network(RDNCBAM(TINY, noise_input=True))),
-    Case("no noise level for pnp", PNP, "give --strength HU", with_network(RDNCBAM(TINY, noise_input=True))),
-    Case("too many passes", NETWORK + " --strength 30", "1 to 4 times 30", with_network(RDNCBAM(TINY))),
     Case(
-        "a negative noise level", NETWORK + " --strength -3", "0 up -3", with_network(RDNCBAM(TINY, noise_input=True))
+        "no noise level",
+        NETWORK,
+        "noise-conditioned give noise_level_hu",
+        CONDITIONED,
+    ),
+    Case(
+        "no noise level for pnp",
+        PNP,
+        "noise-conditioned give noise_level_hu",
+        CONDITIONED,
+    ),
+    Case(
+        "a strength of a network",
+        NETWORK + " --strength 30",
+        "strength no effect net classical",
+        with_network(RDNCBAM(TINY)),
+    ),
+    Case("passes of tv", TV + " --passes 2", "passes no effect tv networks"),
+    Case("too many passes", NETWORK + " --passes 30", "1 to 4 times 30", with_network(RDNCBAM(TINY))),
+    Case(
+        "a negative noise level",
+        NETWORK + " --noise-level-hu -3",
+        "0 up -3",
+        CONDITIONED,
     ),
     Case(
         "an image too small for the network",

@@ -15,9 +15,10 @@ import pytest
 from mistakes import contents
 
 from pnpct.cli.app import COMMANDS
-from pnpct.cli.methods import METHODS
+from pnpct.cli.denoiser_options import DENOISER_OPTIONS
 from pnpct.cli.options import MethodOptions
 from pnpct.denoisers import DENOISERS
+from pnpct.reconstruction import METHODS
 
 GROUPS = {command.split()[0] for command in COMMANDS if " " in command}
 PROGRAM = [sys.executable, "-c", "import sys; from pnpct.cli import main; sys.exit(main())"]
@@ -66,14 +67,18 @@ def test_the_help_of_a_command_names_each_option_and_its_default(command, run, m
 
 
 def test_each_method_option_has_an_effect_on_some_method():
-    options = {field.name for field in fields(MethodOptions)} - {"method"}
-    assert options == set().union(*({field.name for field in fields(method)} for method in METHODS.values()))
+    options = {field.name for field in fields(MethodOptions)} - {"method", *DENOISER_OPTIONS}
+    of_methods = set().union(*({field.name for field in fields(method)} for method in METHODS.values()))
+    assert options == of_methods - {"denoise", "strength"}
     assert get_args(get_type_hints(MethodOptions)["method"]) == tuple(METHODS)
 
 
-def test_the_help_names_the_denoisers(run):
-    _, out, _ = run("reconstruct", "--help")
-    assert f"{{{','.join(DENOISERS)}}}" in out
+def test_the_help_names_the_denoisers_and_their_units(run):
+    for command in ("reconstruct", "denoise"):
+        _, out, _ = run(command, "--help")
+        text = " ".join(re.sub("[│╭╮╰╯]", " ", out).split())
+        assert f"{{n2n,supervised,{','.join(DENOISERS)}}}" in text
+        assert all(f"{name}: {known.usual:g} {known.unit}" in text for name, known in DENOISERS.items())
 
 
 def test_ctrl_c_while_iterating_gives_130_and_one_line_and_no_file(made, tmp_path):

@@ -9,7 +9,7 @@ from low_dose_slice import low_dose_slice
 from pnpct.denoisers import TotalVariation
 from pnpct.evaluation import Reconstruct, parametric_bootstrap, spread
 from pnpct.physics import DiagonalWeights, Sinogram
-from pnpct.reconstruction import STOP_RULES, fbp, reconstruct
+from pnpct.reconstruction import fbp, reconstruct
 
 SLICE = low_dose_slice()
 DATA = SLICE.sinogram()
@@ -23,7 +23,7 @@ def by_fbp(sinogram: Sinogram) -> torch.Tensor:
 
 def by_tv(sinogram: Sinogram) -> torch.Tensor:
     denoise = TotalVariation(strength=0.03)
-    return reconstruct(sinogram, SLICE.projector, denoise, iterations=12, stop=STOP_RULES["never"])
+    return reconstruct(sinogram, SLICE.projector, denoise, iterations=12, stop="never")
 
 
 each = partial(pytest.mark.parametrize, "of", [by_fbp, by_tv])

@@ -19,7 +19,7 @@ from pnpct.evaluation import (
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Kernel
 from pnpct.physics import BandedWeights, Sinogram
-from pnpct.reconstruction import STOP_RULES, fbp, reconstruct
+from pnpct.reconstruction import fbp, reconstruct
 from pnpct.simulation import Lesion, lesion_mask
 
 SLICE = low_dose_slice()
@@ -143,7 +143,7 @@ def test_a_weak_prior_keeps_what_fbp_can_show_and_the_one_of_least_error_does_no
     weak, strong = 0.04, 0.08
 
     def tv(strength: float, sinogram: Sinogram) -> torch.Tensor:
-        return reconstruct(sinogram, fine.projector, TotalVariation(strength), iterations=30, stop=STOP_RULES["never"])
+        return reconstruct(sinogram, fine.projector, TotalVariation(strength), iterations=30, stop="never")
 
     without = {strength: tv(strength, data) for strength in (weak, strong)}
     errors = {strength: rmse_hu(image, fine.truth, mask=fine.inside) for strength, image in without.items()}

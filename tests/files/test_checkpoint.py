@@ -6,7 +6,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save
 
-from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize, as_denoiser
+from pnpct.denoisers import RDNCBAM, REDCNN, LearnedDenoiser, RDNSize
 from pnpct.files import (
     FileFormatError,
     load_denoiser,
@@ -64,10 +64,11 @@ def test_what_is_written_is_read(network, tmp_path, generator):
     assert found.state_dict().keys() == needed.keys()
     assert all(torch.equal(tensor, needed[name]) for name, tensor in found.state_dict().items())
     assert all(parameter.requires_grad for parameter in found.parameters())
-    level = 0.03 if getattr(network, "noise_input", False) else None
+    level = 30.0 if getattr(network, "noise_input", False) else None
     image = 1 + 0.1 * torch.randn(24, 25, generator=generator)
     torch.testing.assert_close(
-        load_denoiser(path, noise_level=level)(image), as_denoiser(network, noise_level=level)(image)
+        load_denoiser(path, noise_level_hu=level)(image),
+        LearnedDenoiser(network, noise_level=level and level / 1000)(image),
     )
 
 
@@ -212,9 +213,9 @@ def test_numbers_alone_are_refused(path):
 
 def test_a_name_is_that_of_a_network_in_the_package(path, tmp_path, monkeypatch, generator):
     weights = tmp_path / "weights"
-    monkeypatch.setattr("pnpct.files.checkpoint.WEIGHTS", weights)
+    monkeypatch.setattr("pnpct.files.named_denoisers.WEIGHTS", weights)
     assert network_names() == ()
-    with pytest.raises(FileNotFoundError, match='no trained network "n2n"; none comes with this version'):
+    with pytest.raises(ValueError, match='no denoiser "n2n"; there are tv, nonlocal-means, gaussian, and'):
         load_denoiser("n2n")
     weights.mkdir()
     for file in (path, sidecar_of(path)):
@@ -222,16 +223,16 @@ def test_a_name_is_that_of_a_network_in_the_package(path, tmp_path, monkeypatch,
     assert network_names() == ("n2n",)
     image = torch.rand(8, 8, generator=generator)
     torch.testing.assert_close(load_denoiser("n2n")(image), load_denoiser(path)(image))
-    with pytest.raises(FileNotFoundError, match='no trained network "supervised"; there are n2n'):
+    with pytest.raises(ValueError, match='no denoiser "supervised"; there are tv, nonlocal-means, gaussian, n2n'):
         load_denoiser("supervised")
 
 
-def test_the_noise_level_goes_to_networks_that_are_told_it(path, tmp_path):
-    with pytest.raises(ValueError, match="no input for a noise level"):
-        load_denoiser(path, noise_level=0.03)
+def test_the_noise_level_goes_to_noise_conditioned_networks(path, tmp_path):
+    with pytest.raises(ValueError, match="not noise-conditioned"):
+        load_denoiser(path, noise_level_hu=30.0)
     told = tmp_path / "told.safetensors"
     save_network(told, RDNCBAM(TINY, noise_input=True), about=SAID)
-    with pytest.raises(ValueError, match="is told the noise level"):
+    with pytest.raises(ValueError, match="give noise_level_hu"):
         load_denoiser(told)
 
 

@@ -16,7 +16,7 @@ METHODS = {
     "fbp-hann": "--method fbp --kernel hann",
     "fbp-soft": "--method fbp --kernel soft",
     "tv": "--method tv",
-    "pnp": "--method pnp --denoiser n2n",
+    "pnp": "--method pnp",
 }
 
 

@@ -3,38 +3,31 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import nibabel as nib
 from tyro.conf import Positional
 
 from pnpct.cli.artefact import IMAGES, check_output, finish
-from pnpct.cli.denoisers import CHOICES, DEFAULT_STRENGTHS, choose_denoiser
+from pnpct.cli.denoiser_options import DenoiserOptions
 from pnpct.cli.devices import DeviceName, choose_device
-from pnpct.cli.parsing import option
 from pnpct.cli.terminal import working
 from pnpct.files import read_image, record_run, write_image
+from pnpct.reconstruction import denoiser_settings
 
 
 @dataclass(frozen=True)
-class Denoise:
+class Denoise(DenoiserOptions):
     """Denoise an image, or each slice of it.
 
     Args:
         image: The image, .h5, .nii or .nii.gz; networks that pnpct trains expect FBP with the sharpest kernel.
         denoised: Where the result shall be: .h5 to go on with, .nii or .nii.gz (HU) for viewers, .png to look at.
-        denoiser: The denoiser: a classical one, or the file of a trained network.
-        strength: How much it smooths; in HU times pixels for tv, HU of noise for nonlocal-means and for networks that
-            are told the noise level, pixels for gaussian. Other networks are applied so many times, 1 to 4.
-        bfloat16: Let a network compute with fewer digits, about twice as quick on hardware made for it.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
     image: Positional[Path]
     denoised: Positional[Path]
-    denoiser: Annotated[str, option(metavar=CHOICES)] = "tv"
-    strength: Annotated[float | None, option(default=DEFAULT_STRENGTHS)] = None
-    bfloat16: bool = False
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
@@ -42,10 +35,10 @@ class Denoise:
         check_output(self.denoised, IMAGES, inputs=[self.image])
         device = choose_device(self.device)
         image, grid = read_image(self.image)
-        denoise, settings = choose_denoiser(self.denoiser, self.strength, device=device, bfloat16=self.bfloat16)
+        denoise = self.chosen_denoiser(device)
         with working("Denoising"):
             denoised = denoise(image.to(device)).cpu()
-        settings = {**settings, "grid": asdict(grid), "device": device.type}
+        settings = {**denoiser_settings(denoise), "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.image], settings=settings)
         write_image(self.denoised, denoised, grid, provenance=provenance, slice_spacing=_slice_spacing(self.image))
         finish(self.denoised, provenance, summary=f"{grid.rows} x {grid.cols} pixels of {grid.spacing:.4g} mm")

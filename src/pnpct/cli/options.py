@@ -1,61 +1,92 @@
 """The options of `pnpct reconstruct` that choose and tune the method."""
 
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pnpct.cli.denoisers import CHOICES, DEFAULT_STRENGTHS, TV_STRENGTH
-from pnpct.cli.methods import FilteredBackProjection, Method, PlugAndPlay, make_method
-from pnpct.cli.parsing import option
+import torch
+
+from pnpct.cli.denoiser_options import DENOISER_OPTIONS, DenoiserOptions, denoiser_with
+from pnpct.cli.parsing import given_options, option
 from pnpct.operators import Kernel
-from pnpct.reconstruction import ResultName, RuleName, SolverName
+from pnpct.reconstruction import (
+    DAMPING,
+    FBP,
+    METHODS,
+    TVPWLS,
+    Method,
+    PlugAndPlay,
+    ResultName,
+    RuleName,
+    SolverName,
+)
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
-from pnpct.reconstruction.pnp_admm import BETA, DAMPING
+from pnpct.reconstruction.pnp_admm import BETA
 
 
 @dataclass(frozen=True, kw_only=True)
-class MethodOptions:
+class MethodOptions(DenoiserOptions):
     """The method and its options, None where they were not given: only then they may have no effect.
 
     Args:
-        method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation.
-        kernel: Filter of fbp, from sharp to smooth.
-        denoiser: Denoiser of pnp: a classical one, or the file of a trained network.
-        strength: How much pnp and tv smooth; in HU times pixels for tv, HU of noise for nonlocal-means and
-            networks that are told it, times that other networks are applied, pixels for gaussian. It was chosen
-            for a body at a low dose.
+        method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation,
+            whose --strength is in HU × pixel.
+        kernel: Kernel of fbp, from sharp to smooth.
         beta: Penalty of pnp and tv, relative to the mean diagonal of the normal equations.
-        sigma_v: The penalty of pnp in other words, instead of beta: how well the denoised image is known, HU.
+        sigma_v: The penalty of pnp in HU, instead of beta: how well the denoised image is known.
         damping: Share of the dual variable that pnp forgets in each iteration; the paper's ADMM has 0.
         iterations: Most iterations of pnp and tv.
         solver: Solver of the data step of pnp.
         inner_iterations: Least steps of the solver in each iteration of pnp; it takes more while its residual is large.
-        bfloat16: Let a network compute with fewer digits, about twice as quick on hardware made for it.
         stop: Rule that ends pnp and tv before: relative at convergence, where x and v agree, as they do not around
-            the networks that come with the package; paper after a few iterations.
+            the networks that come with pnpct; paper after a few iterations.
         result: What the image of pnp is, the last of the denoised iterates or the mean of them all.
     """
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"
-    kernel: Annotated[Kernel | None, option(default=FilteredBackProjection.kernel)] = None
-    denoiser: Annotated[str | None, option(default=PlugAndPlay.denoiser, metavar=CHOICES)] = None
-    strength: Annotated[float | None, option(default=f"{DEFAULT_STRENGTHS}; {TV_STRENGTH:g} for the method tv")] = None
+    kernel: Annotated[Kernel | None, option(default=FBP.kernel)] = None
     beta: Annotated[float | None, option(default=BETA)] = None
     sigma_v: float | None = None
     damping: Annotated[float | None, option(default=f"{DAMPING} around networks, else 0")] = None
     iterations: Annotated[int | None, option(default=PlugAndPlay.iterations)] = None
     solver: Annotated[SolverName | None, option(default=PlugAndPlay.solver)] = None
     inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None
-    bfloat16: bool = False
-    stop: Annotated[RuleName | None, option(default=PlugAndPlay.stop)] = None
+    stop: Annotated[RuleName | None, option(default=TVPWLS.stop)] = None
     result: Annotated[ResultName | None, option(default="mean around networks, else last")] = None
 
-    def chosen_method(self) -> Method:
+    def chosen_method(self, device: torch.device) -> Method:
         """Return the method with the options that were given.
 
+        Args:
+            device: Where a network computes.
+
         Raises:
-            ValueError: If one of them has no effect on it.
+            OSError: If a network cannot be read.
+            ValueError: If an option has no effect on the method, or is out of its range.
         """
-        values: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(MethodOptions)}
-        del values["method"]
-        given = {name: value for name, value in values.items() if value is not None and value is not False}
-        return make_method(self.method, given)
+        known = {name: {field.name for field in fields(method)} for name, method in METHODS.items()}
+        known["pnp"] |= {*DENOISER_OPTIONS}
+        given = given_options(self, [field.name for field in fields(MethodOptions) if field.name != "method"])
+        check_effect(given, self.method, known)
+        if self.method != "pnp":
+            return METHODS[self.method](**given)
+        of_denoiser = {name: given.pop(name) for name in DENOISER_OPTIONS if name in given}
+        return PlugAndPlay(denoiser_with(of_denoiser, device), **given)
+
+
+def check_effect(options: Iterable[str], name: str, known: Mapping[str, Collection[str]]) -> None:
+    """Check that the options which were given are those of a method.
+
+    Args:
+        options: Names of the options.
+        name: Of the method.
+        known: The options of each method.
+
+    Raises:
+        ValueError: If an option has no effect on this method.
+    """
+    for each in options:
+        if each not in known[name]:
+            others = " or ".join(other for other in known if each in known[other])
+            spelled = each.replace("_", "-")
+            raise ValueError(f"--{spelled} has no effect on --method {name}, but on {others}; leave out one of them.")

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import redirect_stderr
 from typing import Any, TypeVar
 
@@ -24,6 +24,12 @@ def option(*, default: object = None, metavar: str | None = None) -> Any:
     """
     hint = None if default is None else f"(default: {default})"
     return tyro.conf.arg(help_behavior_hint=hint, metavar=metavar)
+
+
+def given_options(command: object, names: Iterable[str]) -> dict[str, Any]:
+    """Return the options of a command that were given, by name: those that are neither None nor a flag left out."""
+    values = {name: getattr(command, name) for name in names}
+    return {name: value for name, value in values.items() if value is not None and value is not False}
 
 
 def parse(command: type[Command], words: Sequence[str], *, program: str) -> Command:

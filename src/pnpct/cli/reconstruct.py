@@ -1,6 +1,6 @@
 """`pnpct reconstruct`: from a scan to an image."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,10 +12,11 @@ from pnpct.cli.devices import DeviceName, choose_device, on_device
 from pnpct.cli.grids import grid_for
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
-from pnpct.cli.terminal import working
+from pnpct.cli.terminal import track, working
 from pnpct.files import read_scan, record_run, write_image
 from pnpct.operators import Projector
 from pnpct.physics import take_log
+from pnpct.reconstruction import ADMMState
 
 _OF_TRUTH = "that of the truth in the scan; if there is none,"
 
@@ -41,14 +42,20 @@ class Reconstruct(MethodOptions):
     def run(self, command: Sequence[str]) -> None:
         """Reconstruct, and write the image."""
         check_output(self.image, IMAGES, inputs=[self.scan])
-        method, device = self.chosen_method(), choose_device(self.device)
+        device = choose_device(self.device)
+        method = self.chosen_method(device)
         scan = on_device(read_scan(self.scan), device)
         grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view)
         with working("Preparing"):
             projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
             sinogram = take_log(scan)
-        image, settings = method(sinogram, projector)
-        settings = {"method": self.method, **settings, "grid": asdict(grid), "device": device.type}
+        made = method(sinogram, projector, progress=_shown)
+        ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
+        settings = {**made.settings, **ended, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
-        write_image(self.image, image, grid, provenance=provenance)
+        write_image(self.image, made.image, grid, provenance=provenance)
         finish(self.image, provenance, summary=f"{grid.rows} x {grid.cols} pixels of {grid.spacing:.4g} mm")
+
+
+def _shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:
+    return track(states, total=most, of="ADMM")

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pnpct.cli.methods import check_effect
+from pnpct.cli.options import check_effect
 from pnpct.cli.parsing import option
 from pnpct.cli.training_methods import METHODS, SingleScan, Supervised, TwoStage
 from pnpct.cli.training_setup import ReferenceName
@@ -64,5 +64,5 @@ class TrainingOptions:
         values: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(TrainingOptions)}
         del values["method"]
         given = {name: value for name, value in values.items() if value is not None}
-        check_effect(given, self.method, METHODS)
+        check_effect(given, self.method, {name: {f.name for f in fields(of)} for name, of in METHODS.items()})
         return METHODS[self.method](**given)

@@ -12,8 +12,8 @@ import torch
 from torch import distributed, nn
 
 from pnpct.cli.training_images import QUIET_MA, LoopImages, fbp_image, unchanged
-from pnpct.denoisers import as_denoiser
-from pnpct.denoisers.noise_level import is_told_noise_level
+from pnpct.denoisers import LearnedDenoiser
+from pnpct.denoisers.noise_level import is_noise_conditioned
 from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
 from pnpct.reconstruction import DAMPING
 from pnpct.training import Examples, Reference
@@ -69,10 +69,10 @@ def examples_of(
     if loop_denoiser is not None:
         path = network_file(loop_denoiser)
         network = load_network(path).to(device)
-        if is_told_noise_level(network):
+        if is_noise_conditioned(network):
             raise ValueError(f"{loop_denoiser} is told the noise level, which the loop of training does not know.")
         name = f"{sha256_of(path)}{' in bfloat16' if bfloat16 else ''}"
-        loop = LoopImages(as_denoiser(network, bfloat16=bfloat16), name, loop_iterations, loop_images, DAMPING)
+        loop = LoopImages(LearnedDenoiser(network, bfloat16=bfloat16), name, loop_iterations, loop_images, DAMPING)
     towards: dict[str, Any] = {"reference": reference}
     if reference == "noise-free":
         perfect = replace(loop, denoiser=unchanged, name="none")
@@ -98,7 +98,7 @@ def validate(D: nn.Module, examples: Callable[[int], Any]) -> dict[str, float]:
             images = example.low[0], *example.others
             names = ["fbp", *len(example.others) * ["loop"]]
             for name, image, reference in zip(names, images, example.references, strict=True):
-                level = [torch.tensor(example.noise_level, device=device)] if is_told_noise_level(D) else []
+                level = [torch.tensor(example.noise_level, device=device)] if is_noise_conditioned(D) else []
                 output = D(image[None].to(device), *level)[0].float().cpu()
                 errors[name].append(float((to_hu(output) - to_hu(reference)).square().mean()))
     return {name: median(squares) ** 0.5 for name, squares in errors.items()}

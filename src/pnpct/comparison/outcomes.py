@@ -15,6 +15,7 @@ from pnpct.comparison.results import Check, LesionResult, Verdict
 from pnpct.evaluation import insert_lesion, lesion_recovery, rmse_hu
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
+from pnpct.reconstruction import FBP
 from pnpct.simulation import Lesion
 from pnpct.units import to_hu
 
@@ -71,7 +72,7 @@ def errors_against_fbp(
         return
     errors = {}
     for kernel in get_args(Kernel):
-        fbp = filtered(kernel)
+        fbp = filtered(FBP(kernel))
         make = partial(fbp.make, evidence.sinogram, evidence.projector)
         image, _ = evidence.folder.keep(f"fbp-kernels/{kernel}", make, fbp.method.settings)
         errors[kernel] = rmse_hu(image, truth, mask=body)

@@ -30,6 +30,7 @@ from pnpct.files import atomic_path
 from pnpct.operators import Kernel, Projector
 from pnpct.operators.processes import side_by_side
 from pnpct.physics import Exposure, Sinogram, take_log
+from pnpct.reconstruction import FBP
 
 FOLDER = "phantoms"
 """Folder of the records in that of the comparison."""
@@ -85,7 +86,7 @@ class PhantomJob:
 
 def phantom_candidates(plan: Plan) -> tuple[Candidate, ...]:
     """Return the methods of a plan, and after them FBP with the kernels that set the mark and are not among them."""
-    return (*plan.candidates(), *map(filtered, _further_kernels(plan)))
+    return (*plan.candidates(), *(filtered(FBP(kernel)) for kernel in _further_kernels(plan)))
 
 
 def phantom_jobs(plan: Plan, tests: PhantomTests) -> tuple[PhantomJob, ...]:

@@ -1,7 +1,6 @@
 """What is compared, under which settings; plain values that travel between processes."""
 
 from dataclasses import dataclass
-from functools import partial
 
 from pnpct.comparison.candidates import (
     Candidate,
@@ -11,12 +10,10 @@ from pnpct.comparison.candidates import (
     plug_and_play,
     total_variation,
 )
-from pnpct.denoisers import as_denoiser
-from pnpct.files import load_network, network_file, sha256_of
+from pnpct.files import load_denoiser
 from pnpct.operators import Kernel
+from pnpct.reconstruction import FBP, TVPWLS, PlugAndPlay
 from pnpct.reconstruction.pnp_admm import BETA
-from pnpct.reconstruction.reconstruct import ITERATIONS
-from pnpct.reconstruction.tv_pwls import STRENGTH
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,13 +33,13 @@ class Plan:
         seed: Of everything that is drawn.
     """
 
-    kernel: Kernel = "hann"
+    kernel: Kernel = FBP.kernel
     blur_pixels: float = 1.5
-    tv_strength: float = 1000 * STRENGTH
+    tv_strength: float = TVPWLS.strength
     supervised: str = "supervised"
     two_stage: str = "n2n"
     beta: float = BETA
-    iterations: int = ITERATIONS
+    iterations: int = PlugAndPlay.iterations
     lesion_hu: float = -40.0
     lesion_diameter: float = 12.0
     seed: int = 0
@@ -54,14 +51,12 @@ class Plan:
             OSError: If a network cannot be read.
             ValueError: If it is none, or a setting is out of its range.
         """
-        loop = partial(plug_and_play, beta=self.beta, iterations=self.iterations)
-        made = [filtered(self.kernel), blurred(self.blur_pixels), total_variation(self.tv_strength)]
+        made = [filtered(FBP(self.kernel)), blurred(self.blur_pixels), total_variation(TVPWLS(self.tv_strength))]
         networks = {"supervised": ("supervised", self.supervised), "two-stage": ("two-stage", self.two_stage)}
         for words, (name, weights) in networks.items():
-            path = network_file(weights)
-            denoise = as_denoiser(load_network(path))
-            settings = {"network": path.name, "network_sha256": sha256_of(path)}
-            made.append(denoised(name, f"{words} denoiser", denoise, settings))
-            made.append(loop(f"pnp-{name}", f"PnP, {words}", denoise, settings))
+            denoise = load_denoiser(weights)
+            loop = PlugAndPlay(denoise, beta=self.beta, iterations=self.iterations)
+            made.append(denoised(name, f"{words} denoiser", denoise))
+            made.append(plug_and_play(f"pnp-{name}", f"PnP, {words}", loop))
         order = ("fbp", "blurred-fbp", "tv-pwls", "supervised", "two-stage", "pnp-supervised", "pnp-two-stage")
-        return tuple(sorted(made, key=lambda candidate: order.index(candidate.method.name)))
+        return tuple(sorted(made, key=lambda candidate: order.index(candidate.name)))

@@ -1,8 +1,8 @@
 """Denoisers: plain callables from image to image, with their strength bound inside."""
 
-from pnpct.denoisers.by_name import DENOISERS, Denoise, make_denoiser
+from pnpct.denoisers.by_name import DENOISERS, Classical, Denoise, make_denoiser
 from pnpct.denoisers.gaussian import Gaussian
-from pnpct.denoisers.learned import as_denoiser
+from pnpct.denoisers.learned import LearnedDenoiser
 from pnpct.denoisers.network_cost import network_cost
 from pnpct.denoisers.nonlocal_means import NonlocalMeans
 from pnpct.denoisers.rdn_cbam import RDNCBAM, SIZES, RDNSize
@@ -14,12 +14,13 @@ __all__ = [
     "RDNCBAM",
     "REDCNN",
     "SIZES",
+    "Classical",
     "Denoise",
     "Gaussian",
+    "LearnedDenoiser",
     "NonlocalMeans",
     "RDNSize",
     "TotalVariation",
-    "as_denoiser",
     "make_denoiser",
     "network_cost",
     "total_variation",

@@ -1,6 +1,8 @@
 """The classical denoisers by name."""
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from pnpct.arrays import Image
@@ -11,21 +13,36 @@ from pnpct.denoisers.total_variation import TotalVariation
 Denoise: TypeAlias = Callable[[Image], Image]
 """From a noisy image to a less noisy one, of the same shape; the strength is bound inside."""
 
-DENOISERS: dict[str, Callable[[float], Denoise]] = {
-    "tv": lambda strength_hu: TotalVariation(strength_hu / 1000),  # HU × pixel
-    "nonlocal-means": lambda strength_hu: NonlocalMeans(strength_hu / 1000),  # HU of noise
-    "gaussian": lambda strength_pixels: Gaussian(strength_pixels),  # a blur knows no HU: s.d. in pixels
+
+@dataclass(frozen=True)
+class Classical:
+    """A classical denoiser as the commands offer it.
+
+    Args:
+        make: Makes it from its strength.
+        unit: Unit of the strength.
+        usual: Strength that suits a body at a low dose.
+    """
+
+    make: Callable[[float], Denoise]
+    unit: str
+    usual: float
+
+
+DENOISERS = {
+    "tv": Classical(lambda strength: TotalVariation(strength / 1000), "HU × pixel", 70.0),
+    "nonlocal-means": Classical(lambda strength: NonlocalMeans(strength / 1000), "HU of noise", 70.0),
+    "gaussian": Classical(Gaussian, "pixels", 1.0),
 }
-"""A denoiser for each name, made from its strength: HU × pixel, HU, and pixels."""
+"""The classical denoisers; a line here makes one known to all commands."""
 
 
-def make_denoiser(name: str, strength: float) -> Denoise:
+def make_denoiser(name: str, strength: float | None = None) -> Denoise:
     """Make one of the classical denoisers.
 
     Args:
         name: One of `DENOISERS`.
-        strength: How much it smooths, from 0 (not at all): for "tv" in HU × pixel, for "nonlocal-means" the
-            s.d. of the noise in HU, for "gaussian" the s.d. of the blur in pixels.
+        strength: How much it smooths, in its own unit, from 0 (not at all); its usual strength if None.
 
     Returns:
         The denoiser, with the strength bound inside.
@@ -39,4 +56,8 @@ def make_denoiser(name: str, strength: float) -> Denoise:
     """
     if name not in DENOISERS:
         raise ValueError(f'There is no denoiser "{name}"; there are {", ".join(DENOISERS)}.')
-    return DENOISERS[name](strength)
+    known = DENOISERS[name]
+    strength = known.usual if strength is None else strength
+    if not 0 <= strength < math.inf:  # in its own unit: the denoisers would say it in units of the image
+        raise ValueError(f"The strength of {name} is a number of {known.unit} from 0 up, got {strength:g}.")
+    return known.make(strength)

@@ -7,7 +7,7 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from pnpct.denoisers.noise_level import is_told_noise_level
+from pnpct.denoisers.noise_level import is_noise_conditioned
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def network_cost(network: nn.Module, rows: int, cols: int) -> NetworkCost:
     """
     with torch.device("meta"):
         image = torch.empty(1, rows, cols)
-        inputs = (image, image) if is_told_noise_level(network) else (image,)
+        inputs = (image, image) if is_noise_conditioned(network) else (image,)
     hollow = copy.deepcopy(network).to("meta", torch.float32)
     counter = FlopCounterMode(display=False)
     with counter, torch.no_grad():

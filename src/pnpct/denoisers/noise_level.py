@@ -1,4 +1,4 @@
-"""How networks are told the noise level."""
+"""Noise-conditioned networks: those that take the noise level beside the image."""
 
 from typing import TypeAlias
 
@@ -9,7 +9,7 @@ NoiseLevel: TypeAlias = float | Float[Tensor, "..."]
 """Standard deviation of the noise in units of the image (0.03 is 30 HU): a number, or what broadcasts to the image."""
 
 
-def is_told_noise_level(network: nn.Module) -> bool:
+def is_noise_conditioned(network: nn.Module) -> bool:
     """Say whether a network takes the noise level beside the image: it then has a true `noise_input`."""
     return bool(getattr(network, "noise_input", False))
 
@@ -18,9 +18,9 @@ def check_noise_level(network: nn.Module, noise_level: NoiseLevel | None) -> Non
     """Refuse a noise level that is missing or not wanted.
 
     Raises:
-        ValueError: If a network that is told the noise level gets none, or one that is not gets one.
+        ValueError: If a noise-conditioned network gets none, or another one gets one.
     """
-    if is_told_noise_level(network) and noise_level is None:
-        raise ValueError("This network is told the noise level: give noise_level, in units of the image.")
-    if noise_level is not None and not is_told_noise_level(network):
-        raise ValueError("This network has no input for a noise level; give none, or build it with noise_input=True.")
+    if is_noise_conditioned(network) and noise_level is None:
+        raise ValueError("This network is noise-conditioned: give it the noise level, a standard deviation.")
+    if noise_level is not None and not is_noise_conditioned(network):
+        raise ValueError("This network is not noise-conditioned and takes no noise level; leave it out.")

@@ -3,7 +3,7 @@
 from pnpct.files.array_file import load_array
 from pnpct.files.atomic import atomic_path
 from pnpct.files.catsim_results import scan_from_catsim
-from pnpct.files.checkpoint import load_denoiser, load_network, network_file, network_names, save_network
+from pnpct.files.checkpoint import load_network, save_network
 from pnpct.files.dicom_series import read_dicom_series
 from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
@@ -13,12 +13,14 @@ from pnpct.files.image_file import read_image, write_image
 from pnpct.files.image_series import ImageSeries, read_volume
 from pnpct.files.importers import scan_from_arrays
 from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
+from pnpct.files.named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names
 from pnpct.files.onnx_file import export_onnx
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
 from pnpct.files.scan_file import read_scan, read_truth, write_scan
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
+    "DEFAULT_DENOISER",
     "MANIFEST",
     "SPLITS",
     "ExposedSlice",

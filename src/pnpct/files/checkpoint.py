@@ -10,7 +10,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, get_args
 
@@ -19,9 +18,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor, nn
 
-from pnpct.denoisers import RDNCBAM, REDCNN, Denoise, RDNSize, as_denoiser
+from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize
 from pnpct.denoisers.attention import Attention
-from pnpct.denoisers.noise_level import NoiseLevel
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
 
@@ -35,8 +33,6 @@ UNITS = "attenuation relative to water (air 0, water 1; HU = 1000 (image - 1))"
 ABOUT = ("command", "licence", "manifest_sha256", "metrics", "seed")
 """What must be said about a network: the command line, the licence, the SHA-256 of the manifest of the training data,
 figures of merit and the seed; each may be None where there is none."""
-WEIGHTS = Path(str(files("pnpct.denoisers"))) / "weights"
-"""Folder of the networks that come with the package."""
 
 
 def save_network(path: PathLike, network: nn.Module, *, about: Mapping[str, Any]) -> None:
@@ -119,47 +115,6 @@ def load_network(path: PathLike) -> nn.Module:
     _check_tensors(path, tensors, network.state_dict())
     network.load_state_dict(tensors, assign=True)
     return network
-
-
-def load_denoiser(name_or_path: PathLike, *, noise_level: NoiseLevel | None = None, bfloat16: bool = False) -> Denoise:
-    """Make a denoiser of a network on disk.
-
-    It computes on the processor; `as_denoiser(load_network(path).to(device))` computes elsewhere.
-
-    Args:
-        name_or_path: A .safetensors file, or one of `network_names`.
-        noise_level: Standard deviation of the noise in units of the image, ≥ 0, or a map; for networks that are
-            told it, and only for these.
-        bfloat16: Compute with 8 bits of precision inside the network; see `as_denoiser`.
-
-    Raises:
-        OSError: If there is no such network or it cannot be read.
-        FileFormatError: As `load_network`.
-        ValueError: If the noise level is missing, not wanted, negative or not finite.
-    """
-    return as_denoiser(load_network(network_file(name_or_path)), noise_level=noise_level, bfloat16=bfloat16)
-
-
-def network_names() -> tuple[str, ...]:
-    """Return the names of the trained networks that come with the package."""
-    return tuple(sorted(path.stem for path in WEIGHTS.glob(f"*{SUFFIX}")))
-
-
-def network_file(name_or_path: PathLike) -> Path:
-    """Return the .safetensors file of a network.
-
-    Args:
-        name_or_path: Such a file, or one of `network_names`.
-
-    Raises:
-        FileNotFoundError: If no network has this name.
-    """
-    if Path(name_or_path).suffix == SUFFIX:
-        return Path(name_or_path)
-    if (name := os.fspath(name_or_path)) not in network_names():
-        there = f"there are {', '.join(network_names())}" if network_names() else "none comes with this version"
-        raise FileNotFoundError(f'There is no trained network "{name}"; {there}; or give a {SUFFIX} file.')
-    return WEIGHTS / f"{name}{SUFFIX}"
 
 
 def _sidecar(path: Path) -> Path:

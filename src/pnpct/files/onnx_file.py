@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from pnpct.denoisers.noise_level import is_told_noise_level
+from pnpct.denoisers.noise_level import is_noise_conditioned
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import PathLike
 
@@ -35,7 +35,7 @@ def export_onnx(network: nn.Module, path: PathLike) -> None:
         raise ValueError(f"The file must end in .onnx, got {path}.")
     if absent := [name for name in ("onnx", "onnxscript") if find_spec(name) is None]:
         raise ModuleNotFoundError(f"ONNX files need {' and '.join(absent)}; pip install 'pnpct[onnx]' brings them.")
-    names = ["image", "noise_level"] if is_told_noise_level(network) else ["image"]
+    names = ["image", "noise_level"] if is_noise_conditioned(network) else ["image"]
     sizes = dict.fromkeys(range(3), torch.export.Dim.DYNAMIC)
     was_training = network.training
     try:

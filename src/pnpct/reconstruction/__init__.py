@@ -1,29 +1,46 @@
-"""From a sinogram to an image: filtered back-projection, plug-and-play ADMM and its solvers, and baselines."""
+"""From a sinogram to an image: the methods, plug-and-play ADMM and its solvers, filtered back-projection."""
 
 from pnpct.reconstruction.fbp import fbp
+from pnpct.reconstruction.methods import (
+    DAMPING,
+    FBP,
+    METHODS,
+    TVPWLS,
+    DenoisedFBP,
+    Method,
+    PlugAndPlay,
+    Progress,
+    Reconstruction,
+    ResultName,
+    denoiser_settings,
+    reconstruct,
+)
 from pnpct.reconstruction.normal_equations import beta_from_sigma_v, mean_diagonal, sigma_v_from_beta
-from pnpct.reconstruction.pnp_admm import DAMPING, ADMMState, pnp_admm
-from pnpct.reconstruction.reconstruct import RESULTS, Result, ResultName, last_iterate, mean_iterate, reconstruct
+from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
-from pnpct.reconstruction.tv_pwls import tv_pwls
 
 __all__ = [
     "DAMPING",
-    "RESULTS",
+    "FBP",
+    "METHODS",
     "STOP_RULES",
+    "TVPWLS",
     "ADMMState",
-    "Result",
+    "DenoisedFBP",
+    "Method",
+    "PlugAndPlay",
+    "Progress",
+    "Reconstruction",
     "ResultName",
     "RuleName",
     "SolverName",
     "beta_from_sigma_v",
     "change",
+    "denoiser_settings",
     "fbp",
-    "last_iterate",
     "mean_diagonal",
-    "mean_iterate",
     "paper_rule",
     "pnp_admm",
     "reconstruct",
@@ -31,6 +48,5 @@ __all__ = [
     "sigma_v_from_beta",
     "solver_by_name",
     "starting_state",
-    "tv_pwls",
     "until",
 ]

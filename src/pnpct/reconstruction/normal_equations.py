@@ -2,19 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, final
 
 import torch
 from torch import Tensor
+from typing_extensions import override
 
 from pnpct.arrays import Image
-from pnpct.operators import Projector
+from pnpct.operators import LinearOperator, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 
 Operator: TypeAlias = Callable[[Image], Image]
 
-Solve: TypeAlias = Callable[[Operator, Image, Image], Image]
+Solve: TypeAlias = Callable[[LinearOperator, Image, Image], Image]
 """(H, b, x) -> better x: H maps an image to (AᵀWA + β) image, x is where to begin."""
 
 MakeSolver: TypeAlias = Callable[[Sinogram, Projector, Tensor], Solve]
@@ -37,6 +38,31 @@ OBJECT = 0.3
 """What attenuates more than this part of water belongs to the object."""
 
 
+@final
+class NormalOperator(LinearOperator):
+    """H = AᵀWA + β, which is its own transpose.
+
+    Args:
+        A: The projector.
+        W: The weights of the rays.
+        beta: β in the units of AᵀWA, one number per image.
+    """
+
+    def __init__(self, A: LinearOperator, W: LinearOperator, beta: Tensor) -> None:
+        self.A, self.W, self.beta = A, W, beta
+        self.domain_shape = self.range_shape = A.domain_shape
+
+    @override
+    def forward(self, x: Image) -> Image:
+        """Return (AᵀWA + β) x."""
+        return self.A.T(self.W(self.A(x))) + self.beta * x
+
+    @override
+    def adjoint(self, y: Image) -> Image:
+        """Return the same."""
+        return self.forward(y)
+
+
 def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
     """Return the mean of the diagonal of AᵀWA over the object: the scale of β, one number per image.
 
@@ -51,9 +77,9 @@ def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
     if A.geometry.focal_spot_shifts:  # which FBP does not take; for a mask the nominal focal spot will do
         at_rest = Projector(A.grid, replace(A.geometry, focal_spot_shifts=()), mu_water=A.mu_water)
     inside = fbp(sinogram.line_integrals, at_rest, kernel="soft") > OBJECT
-    inside = inside | ~inside.any(dim=(-2, -1), keepdim=True) if inside.ndim > 2 else inside | ~inside.any()
+    inside = inside | ~inside.any(dim=A.domain_dims, keepdim=True)
     diagonal = diagonal.expand(inside.shape)
-    return (diagonal * inside).sum((-2, -1), keepdim=True) / inside.sum((-2, -1), keepdim=True)
+    return (diagonal * inside).sum(A.domain_dims, keepdim=True) / inside.sum(A.domain_dims, keepdim=True)
 
 
 def beta_from_sigma_v(sigma_v_hu: float, sinogram: Sinogram, A: Projector) -> float:
@@ -78,7 +104,7 @@ def sigma_v_from_beta(beta: float, sinogram: Sinogram, A: Projector) -> float:
 
 
 def conjugate_gradient(
-    H: Operator,
+    H: LinearOperator,
     b: Image,
     x: Image,
     Hx: Image,
@@ -97,7 +123,7 @@ def conjugate_gradient(
     After `iterations` steps, an image is left as it is once √⟨r, z⟩ is below `tolerance` √⟨b, M⁻¹ b⟩.
 
     Args:
-        H: Symmetric positive definite operator; it is applied once in each iteration.
+        H: Symmetric positive definite; it is applied once in each iteration.
         b: Right-hand side.
         x: Where to begin.
         Hx: H of it.
@@ -116,23 +142,26 @@ def conjugate_gradient(
     def preconditioned(image: Image) -> Image:
         return precondition(image) if precondition else image
 
+    def dot(one: Image, other: Image) -> Tensor:
+        return (one * other).sum(H.domain_dims, keepdim=True)
+
     r = b - Hx
     z = preconditioned(r)
-    p, rz = z, _dot(r, z)
-    enough = tolerance**2 * _dot(b, preconditioned(b)) if most > iterations else torch.zeros_like(rz)
+    p, rz = z, dot(r, z)
+    enough = tolerance**2 * dot(b, preconditioned(b)) if most > iterations else torch.zeros_like(rz)
     last = max(iterations, most) - 1
     for iteration in range(last + 1):
         going = (rz > enough) | (iteration < iterations)
         if not going.any():
             break
         Hp = H(p)
-        curvature = _dot(p, Hp)
+        curvature = dot(p, Hp)
         step = torch.where(going & (curvature > 0), rz / curvature, 0.0)  # an image that is solved already stays
         x, Hx, r = x + step * p, Hx + step * Hp, r - step * Hp
         if iteration == last:
             break
         z = preconditioned(r)
-        rz, before = _dot(r, z), rz
+        rz, before = dot(r, z), rz
         p = z + torch.where(before > 0, rz / before, 0.0) * p
     return x, Hx
 
@@ -150,7 +179,7 @@ def warm_started(iterations: int, precondition: Operator | None = None) -> Solve
         raise ValueError(f"Conjugate gradients need at least one iteration, got {iterations}.")
     last: list[Image] = []
 
-    def solve(H: Operator, b: Image, x: Image) -> Image:
+    def solve(H: LinearOperator, b: Image, x: Image) -> Image:
         Hx = last[1] if last and last[0] is x else H(x)
         steps: dict[str, Any] = {"iterations": iterations, "most": MOST_INNER_ITERATIONS, "tolerance": TOLERANCE}
         last[:] = conjugate_gradient(H, b, x, Hx, **steps, precondition=precondition)
@@ -162,7 +191,3 @@ def warm_started(iterations: int, precondition: Operator | None = None) -> Solve
 def plain(_sinogram: Sinogram, _A: Projector, _beta: Tensor, *, inner_iterations: int = INNER_ITERATIONS) -> Solve:
     """Make a solver that takes plain conjugate-gradient steps."""
     return warm_started(inner_iterations)
-
-
-def _dot(a: Image, b: Image) -> Tensor:
-    return (a * b).sum((-2, -1), keepdim=True)

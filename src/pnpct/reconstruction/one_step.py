@@ -4,10 +4,10 @@ import torch
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.operators import Projector
+from pnpct.operators import LinearOperator, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
-from pnpct.reconstruction.normal_equations import Operator, Solve, mean_diagonal
+from pnpct.reconstruction.normal_equations import Solve, mean_diagonal
 
 LARGEST = 128 * 128
 """Pixels of the largest image that the dense factor is made for: 2 GiB, and about a minute."""
@@ -34,7 +34,7 @@ def dense_cholesky(sinogram: Sinogram, A: Projector, beta: Tensor) -> Solve:
         raise ValueError(f"Dense Cholesky takes one image at a time, got a batch of {beta.numel()}.")
     factor = torch.linalg.cholesky(normal_matrix(sinogram, A) + float(beta) * torch.eye(pixels).double())
 
-    def solve(_H: Operator, b: Image, _x: Image) -> Image:
+    def solve(_H: LinearOperator, b: Image, _x: Image) -> Image:
         return torch.cholesky_solve(b.double().reshape(pixels, 1), factor.to(b.device)).reshape(b.shape).to(b)
 
     return solve
@@ -66,7 +66,7 @@ def fbp_blend(sinogram: Sinogram, A: Projector, beta: Tensor) -> Solve:
     image = fbp(sinogram.line_integrals, A)
     AtWy = A.T(sinogram.weights(sinogram.line_integrals))
 
-    def solve(_H: Operator, b: Image, _x: Image) -> Image:
+    def solve(_H: LinearOperator, b: Image, _x: Image) -> Image:
         return (image + (b - AtWy) / scale) / (1 + beta / scale)
 
     return solve

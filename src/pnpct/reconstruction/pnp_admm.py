@@ -27,17 +27,11 @@ from pnpct.denoisers import Denoise
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fourier import fourier
-from pnpct.reconstruction.normal_equations import MakeSolver, mean_diagonal
+from pnpct.reconstruction.normal_equations import MakeSolver, NormalOperator, mean_diagonal
 
 BETA = 1.0
 """On the scale of the object. With a convex prior the image is the same from 0.3 to 3, and around 1 it is there first;
 the networks that come with the package have learnt what the loop looks like from 0.7 to 1.5. The paper has 1.2."""
-
-
-DAMPING = 0.5
-"""Around a network: what u has collected counts for half in the next iteration, for a quarter in the one after.
-
-Undamped, the noise of x + u grows until networks take it for anatomy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +102,8 @@ def pnp_admm(
         raise ValueError(f"damping is a share from 0 to 1, got {damping}.")
     y, W = sinogram.line_integrals, sinogram.weights
     penalty = beta * mean_diagonal(sinogram, A)
-    AtWy = A.T(W(y))
+    H, AtWy = NormalOperator(A, W, penalty), A.T(W(y))
     solve = solver(sinogram, A, penalty)
-
-    def H(image: Image) -> Image:
-        return A.T(W(A(image))) + penalty * image
 
     x, v, u = state.x, state.v, state.u
     while True:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import nn
 
-from pnpct.denoisers.noise_level import is_told_noise_level
+from pnpct.denoisers.noise_level import is_noise_conditioned
 from pnpct.training.losses import LossTerm
 from pnpct.training.pairs import Pair
 
@@ -32,7 +32,7 @@ def pairwise_losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bflo
 def _inputs(D: nn.Module, drawn: Sequence[Pair], device: torch.device) -> list[torch.Tensor]:
     """What the network is given: images, and their noise levels if it is told them."""
     images = torch.stack([pair.input for pair in drawn]).to(device)
-    if not is_told_noise_level(D):
+    if not is_noise_conditioned(D):
         return [images]
     levels = [pair.noise_level for pair in drawn if pair.noise_level is not None]
     if len(levels) < len(drawn):
