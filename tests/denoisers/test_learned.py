@@ -99,11 +99,11 @@ def test_eight_bits_change_what_is_taken_off_a_little_and_nothing_else(images: t
 
 
 def test_noise_levels_that_cannot_be_are_refused() -> None:
-    with pytest.raises(ValueError, match="give noise_level"):
+    with pytest.raises(ValueError, match="noise-conditioned: give it the noise level"):
         LearnedDenoiser(awake(noise_input=True))
-    with pytest.raises(ValueError, match="no input for a noise level"):
+    with pytest.raises(ValueError, match="not noise-conditioned"):
         LearnedDenoiser(awake(), noise_level=0.05)
-    with pytest.raises(ValueError, match="no input for a noise level"):
+    with pytest.raises(ValueError, match="not noise-conditioned"):
         LearnedDenoiser(REDCNN(filters=2), noise_level=0.05)
     for level in (-0.1, math.nan, torch.tensor([[0.1, math.inf]])):
         with pytest.raises(ValueError, match="standard deviation from 0 up"):

@@ -89,9 +89,9 @@ def test_a_map_acts_where_it_changes(images: torch.Tensor) -> None:
 def test_a_noise_level_is_refused_where_there_is_no_input_for_it_and_missed_where_there_is(
     images: torch.Tensor,
 ) -> None:
-    with pytest.raises(ValueError, match="no input for a noise level"):
+    with pytest.raises(ValueError, match="not noise-conditioned"):
         RDNCBAM(TINY)(images.float(), 0.05)
-    with pytest.raises(ValueError, match="give noise_level"):
+    with pytest.raises(ValueError, match="noise-conditioned: give it the noise level"):
         RDNCBAM(TINY, noise_input=True)(images.float())
 
 

@@ -150,7 +150,6 @@ def test_denoisers_say_what_they_are():
     ("make", "words"),
     [
         (lambda: PlugAndPlay(TV, beta=1.0, sigma_v=50.0), "give one of them"),
-        (lambda: PlugAndPlay(TV, solver="lu"), 'no solver "lu"'),
         (lambda: PlugAndPlay(TV, solver="fbp-blend", inner_iterations=2), "takes no inner iterations"),
         (lambda: TVPWLS(strength=-1.0), "from 0 up, got -1"),
         (lambda: TVPWLS(beta=0.0), "beta must be a positive number"),

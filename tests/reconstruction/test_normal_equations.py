@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from pnpct.arrays import Image
+from pnpct.operators import LinearOperator
 from pnpct.reconstruction.normal_equations import (
     INNER_ITERATIONS,
     MOST_INNER_ITERATIONS,
@@ -13,15 +14,18 @@ from pnpct.reconstruction.normal_equations import (
 )
 
 
-class Diagonal:
+class Diagonal(LinearOperator):
     """An operator that counts how often it is applied; each row of an image has a spectrum of its own."""
 
     def __init__(self, spectrum: torch.Tensor) -> None:
         self.spectrum, self.products = spectrum, 0
+        self.domain_shape = self.range_shape = (8, 8)
 
-    def __call__(self, image: Image) -> Image:
+    def forward(self, x: Image) -> Image:
         self.products += 1
-        return self.spectrum * image
+        return self.spectrum * x
+
+    adjoint = forward
 
 
 @pytest.fixture

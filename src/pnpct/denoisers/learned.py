@@ -100,10 +100,10 @@ class LearnedDenoiser:
         seen = image.clamp(max=DENSEST)
         slices = seen.reshape(seen.shape[:-2].numel(), *seen.shape[-2:])
         levels = None if level is None else level.to(image).expand_as(image).reshape(slices.shape)
-        place = next(self.network.parameters(), torch.empty(0)).device
+        place = next(self.network.parameters(), torch.empty(0))
         # Memory from outside inference mode: a caller may work on the result in place.
         result = torch.empty_like(slices)
-        with torch.inference_mode(), torch.autocast(place.type, torch.bfloat16, enabled=self.bfloat16):
+        with torch.inference_mode(), torch.autocast(place.device.type, torch.bfloat16, enabled=self.bfloat16):
             for first in range(0, len(slices), self.batch):
                 chosen = slice(first, first + self.batch)
                 inputs = (slices,) if levels is None else (slices, levels)
