@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+from pnpct.geometry import FanBeam, ImageGrid, VolumeGrid, evenly_spaced_views
 
 
 def test_the_image_has_y_up_and_its_centre_where_it_is_said_to_be():
@@ -85,3 +85,23 @@ def test_impossible_grids_are_refused(arguments, words):
 def test_no_views_are_refused():
     with pytest.raises(ValueError, match="at least one view, got 0"):
         evenly_spaced_views(0)
+
+
+def test_slices_lie_around_the_height_of_their_volume():
+    grid = VolumeGrid(ImageGrid(3, 2, spacing=2.0), slices=3, slice_spacing=2.5, z=-7.0)
+    assert grid.heights.tolist() == [-9.5, -7.0, -4.5]
+    assert grid.shape == (3, 3, 2)
+    assert str(grid) == "3 slices 2.5 mm apart of 3 x 2 pixels of 2 mm"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ((0, 1.0, 0.0), "at least one slice, got 0"),
+        ((1, 0.0, 0.0), "positive length in mm, got 0.0"),
+        ((1, 1.0, math.inf), "finite length in mm, got inf"),
+    ],
+)
+def test_impossible_volumes_are_refused(numbers, words):
+    with pytest.raises(ValueError, match=words):
+        VolumeGrid(ImageGrid(3, 2, spacing=2.0), *numbers)

@@ -1,6 +1,24 @@
 """Where the pixels, the focal spot and the detector cells are. Millimetres and radians; no torch needed."""
 
-from pnpct.geometry.fan_beam import FanBeam, evenly_spaced_views
+from pnpct.geometry.cone_beam import ConeBeam
+from pnpct.geometry.detector import Detector
+from pnpct.geometry.fan_beam import FanBeam, Geometry, require_fan_beam
 from pnpct.geometry.image_grid import ImageGrid
+from pnpct.geometry.trajectory import Trajectory, Views, evenly_spaced_views, view_numbers
+from pnpct.geometry.volume_grid import Grid, VolumeGrid, require_image_grid
 
-__all__ = ["FanBeam", "ImageGrid", "evenly_spaced_views"]
+__all__ = [
+    "ConeBeam",
+    "Detector",
+    "FanBeam",
+    "Geometry",
+    "Grid",
+    "ImageGrid",
+    "Trajectory",
+    "Views",
+    "VolumeGrid",
+    "evenly_spaced_views",
+    "require_fan_beam",
+    "require_image_grid",
+    "view_numbers",
+]

@@ -1,38 +1,25 @@
-"""A focal spot, a detector and the views they take."""
+"""A focal spot, one row of detector cells, and the views they take of one plane."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import cached_property
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-Points = NDArray[np.float64]
-
-
-def evenly_spaced_views(views: int, *, start: float = 0.0, span: float = 2 * math.pi) -> tuple[float, ...]:
-    """Return `views` angles, rad, that divide `span` from `start` on; the end of the span is not one of them.
-
-    Example:
-        >>> [round(math.degrees(angle)) for angle in evenly_spaced_views(4)]
-        [0, 90, 180, 270]
-    """
-    if views < 1:
-        raise ValueError(f"A scan needs at least one view, got {views}.")
-    return tuple(start + span * view / views for view in range(views))
+from pnpct.geometry.cone_beam import ConeBeam, Points
+from pnpct.geometry.detector import Detector
+from pnpct.geometry.trajectory import Trajectory, Views
 
 
 @dataclass(frozen=True)
 class FanBeam:
-    """Fan beam on an arc centred on the focal spot (equi-angular), or on a flat detector.
+    """Fan beam on an arc centred on the focal spot (equi-angular), or on a flat detector: one plane, no z.
 
     At view angle β the nominal focal spot is at (−R sin β, R cos β), R the distance to the isocentre: at the top
     for β = 0, counter-clockwise with growing β. The ray at fan angle γ runs along (sin(β+γ), −cos(β+γ)); γ grows
-    with the bin number. With bins numbered j, c = (bins − 1)/2 and D the distance to the detector,
-
-        arc    γ_j = (j − c) · 2 atan(bin_width / 2D) + atan(detector_offset · bin_width / D)
-        flat   γ_j = atan((j − c + detector_offset) · bin_width / D)
+    with the bin number, as `Detector` says. `geometry[...]` is the geometry of a subset of the views.
 
     Args:
         view_angles: β of each view, rad, in any order; repeated and missing angles are allowed.
@@ -67,32 +54,55 @@ class FanBeam:
         object.__setattr__(self, "view_angles", tuple(float(angle) for angle in self.view_angles))
         shifts = tuple((float(along), float(away)) for along, away in self.focal_spot_shifts)
         object.__setattr__(self, "focal_spot_shifts", shifts)
-        if not len(self.view_angles) or not all(map(math.isfinite, self.view_angles)):
-            raise ValueError("A scan needs at least one view, and finite view angles in rad.")
-        if self.bins < 1:
-            raise ValueError(f"A detector needs at least one bin, got {self.bins}.")
-        for name in ("source_to_isocenter", "source_to_detector", "bin_width"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"{name} must be a positive length in mm, got {getattr(self, name)}.")
-        if self.source_to_detector <= self.source_to_isocenter:
+        _ = self.cone_beam  # which checks the numbers
+
+    @classmethod
+    def from_cone_beam(cls, geometry: ConeBeam) -> "FanBeam":
+        """Return the rays of one row seen along the axis, the same for every row.
+
+        Which row is measured, and how much its rays rise, is not in it: the rays of a row at the height v are
+        longer by the factor √(1 + (v/D)²).
+
+        Args:
+            geometry: A cone beam all of whose views are at one height.
+
+        Raises:
+            ValueError: If the focal spot changes its height.
+        """
+        spots = geometry.focal_spots()
+        if np.ptp(spots[:, 2]) > 0:
             raise ValueError(
-                f"The detector must lie beyond the isocentre: source_to_detector is {self.source_to_detector} mm, "
-                f"source_to_isocenter {self.source_to_isocenter} mm."
+                f"A fan beam stays in one plane, but the focal spot moves from z = {spots[:, 2].min():g} to "
+                f"{spots[:, 2].max():g} mm in these views."
             )
-        if not math.isfinite(self.detector_offset):
-            raise ValueError(f"detector_offset must be a finite number of bins, got {self.detector_offset}.")
-        if self.detector not in ("arc", "flat"):
-            raise ValueError(f'The detector is "arc" or "flat", got "{self.detector}".')
-        if shifts and len(shifts) != self.views:
-            raise ValueError(f"Focal-spot shifts are one per view: {self.views} views, got {len(shifts)} shifts.")
-        if not all(math.isfinite(length) for shift in shifts for length in shift):
-            raise ValueError("Focal-spot shifts must be finite lengths in mm.")
-        edges = self.fan_angle_edges
-        if max(abs(edges[0]), abs(edges[-1])) >= math.pi / 2:
-            raise ValueError(
-                f"The fan must stay within 90 degrees of the central ray, got {math.degrees(edges[0]):.1f} to "
-                f"{math.degrees(edges[-1]):.1f} degrees; are bin_width and source_to_detector both in mm?"
-            )
+        trajectory, detector = geometry.trajectory, geometry.detector
+        return cls(
+            view_angles=trajectory.angles,
+            bins=detector.bins,
+            source_to_isocenter=geometry.source_to_isocenter,
+            source_to_detector=geometry.source_to_detector,
+            bin_width=detector.bin_width,
+            detector_offset=detector.offset,
+            detector=detector.kind,
+            focal_spot_shifts=[(along, away) for along, away, _ in trajectory.focal_spot_shifts],
+        )
+
+    @cached_property
+    def cone_beam(self) -> ConeBeam:
+        """The same rays as a cone beam at height 0 with a single row, which has no thickness."""
+        shifts = [(along, away, 0.0) for along, away in self.focal_spot_shifts]
+        return ConeBeam(
+            Trajectory(self.view_angles, focal_spot_shifts=shifts),
+            Detector(self.bins, self.bin_width, self.detector_offset, self.detector),
+            source_to_isocenter=self.source_to_isocenter,
+            source_to_detector=self.source_to_detector,
+        )
+
+    def __getitem__(self, views: Views) -> "FanBeam":
+        return FanBeam.from_cone_beam(self.cone_beam[views])
+
+    def __str__(self) -> str:
+        return str(self.cone_beam)
 
     @property
     def views(self) -> int:
@@ -107,47 +117,47 @@ class FanBeam:
     @property
     def fan_angles(self) -> NDArray[np.float64]:
         """γ at the centre of each bin, rad."""
-        return self._fan_angles(np.arange(self.bins, dtype=np.float64))
+        return self.cone_beam.fan_angles
 
     @property
     def fan_angle_edges(self) -> NDArray[np.float64]:
         """γ at the bins + 1 edges of the cells, rad."""
-        return self._fan_angles(np.arange(self.bins + 1) - 0.5)
-
-    def _fan_angles(self, number: NDArray[Any]) -> NDArray[np.float64]:
-        along = number - (self.bins - 1) / 2
-        if self.detector == "flat":
-            return np.arctan((along + self.detector_offset) * self.bin_width / self.source_to_detector)
-        pitch = 2 * math.atan(self.bin_width / 2 / self.source_to_detector)
-        return along * pitch + math.atan(self.detector_offset * self.bin_width / self.source_to_detector)
+        return self.cone_beam.fan_angle_edges
 
     @property
     def bin_width_at_isocenter(self) -> float:
         """Width of a cell seen from the focal spot at the distance of the isocentre, mm."""
-        return self.bin_width * self.source_to_isocenter / self.source_to_detector
+        return self.cone_beam.bin_width_at_isocenter
 
     @property
     def field_of_view_radius(self) -> float:
         """Radius of the circle about the isocentre that the wider side of the fan reaches, mm."""
-        widest = float(np.abs(self.fan_angle_edges[[0, -1]]).max())
-        return self.source_to_isocenter * math.sin(widest)
+        return self.cone_beam.field_of_view_radius
 
     def focal_spots(self) -> Points:
         """Return where the focal spot is in each view: (views, 2), mm."""
-        beta = np.asarray(self.view_angles)
-        away = np.stack([-np.sin(beta), np.cos(beta)], axis=-1)
-        spots = self.source_to_isocenter * away
-        if self.focal_spot_shifts:
-            shift = np.asarray(self.focal_spot_shifts)
-            along = np.stack([np.cos(beta), np.sin(beta)], axis=-1)
-            spots = spots + shift[:, :1] * along + shift[:, 1:] * away
-        return spots
+        return np.ascontiguousarray(self.cone_beam.focal_spots()[..., :2])
 
     def detector_points(self, fan_angles: NDArray[np.float64]) -> Points:
         """Return the points of the detector at the given fan angles: (views, angles, 2), mm."""
-        beta = np.asarray(self.view_angles)[:, None]
-        nominal = self.source_to_isocenter * np.stack([-np.sin(beta), np.cos(beta)], axis=-1)
-        reach = self.source_to_detector / (np.cos(fan_angles) if self.detector == "flat" else np.ones_like(fan_angles))
-        towards = beta + fan_angles
-        points: Points = nominal + reach[:, None] * np.stack([np.sin(towards), -np.cos(towards)], axis=-1)
-        return points
+        return np.ascontiguousarray(self.cone_beam.detector_points(fan_angles)[..., :2])
+
+
+Geometry: TypeAlias = FanBeam | ConeBeam
+"""Where the rays of a scan are; `shape` is that of its arrays without a batch."""
+
+
+def require_fan_beam(geometry: Geometry) -> FanBeam:
+    """Return the geometry, if it is a fan beam: for what works on one plane only.
+
+    Raises:
+        ValueError: If it is a cone beam.
+    """
+    if isinstance(geometry, FanBeam):
+        return geometry
+    low, high = np.sort(geometry.trajectory.heights)[[0, -1]]
+    heights = f"z = {low:g} mm" if low == high else f"z = {low:g} to {high:g} mm"
+    raise ValueError(
+        f"A fan beam is needed, with one detector row in one plane, but this scan is a cone beam of {geometry.rows} "
+        f"detector rows at {heights}; give a scan of one plane."
+    )

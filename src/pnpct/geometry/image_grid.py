@@ -39,6 +39,9 @@ class ImageGrid:
         if len(self.center) != 2 or not all(map(math.isfinite, self.center)):
             raise ValueError(f"The centre of an image is (x, y) in mm, got {self.center}.")
 
+    def __str__(self) -> str:
+        return f"{self.rows} x {self.cols} pixels of {self.spacing:.4g} mm"
+
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
