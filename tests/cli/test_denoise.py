@@ -12,7 +12,7 @@ from mistakes import Case, check, cut, with_text
 from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize, make_denoiser
 from pnpct.files import Provenance, load_denoiser, read_image, read_scan, save_network, sha256_of, write_image
 from pnpct.files.checkpoint import ABOUT
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, VolumeGrid
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 from pnpct.reconstruction import DAMPING, denoiser_settings, reconstruct
@@ -76,14 +76,19 @@ def test_a_network_does_what_it_does_in_python(told, run, made, tmp_path):
 
 
 def test_slices_of_nifti_are_denoised_each_and_keep_their_distance(run, tmp_path, generator):
-    image, grid = 1 + 0.1 * torch.randn(3, 24, 20, generator=generator), ImageGrid(24, 20, 0.75)
-    provenance = Provenance(["pnpct"], "0.1.0")
-    write_image(tmp_path / "in.nii.gz", image, grid, provenance=provenance, slice_spacing=2.5)
-    status, _, err = run(
+    image, grid = (
+        1 + 0.1 * torch.randn(3, 24, 20, generator=generator),
+        VolumeGrid(ImageGrid(24, 20, 0.75), 3, 2.5, 80.0),
+    )
+    write_image(tmp_path / "in.nii.gz", image, grid, provenance=Provenance(["pnpct"], "0.1.0"))
+    status, out, err = run(
         "denoise", tmp_path / "in.nii.gz", tmp_path / "out.nii", "--denoiser", "tv", "--strength", "20"
     )
     assert (status, err) == (0, "")
-    assert np.diag(nib.load(tmp_path / "out.nii").affine).tolist() == [0.75, 0.75, 2.5, 1.0]
+    assert out.endswith("out.nii: 3 slices 2.5 mm apart of 24 x 20 pixels of 0.75 mm.\n")
+    affine = nib.load(tmp_path / "out.nii").affine
+    assert np.diag(affine).tolist() == [0.75, 0.75, 2.5, 1.0]
+    assert affine[2, 3] == 77.5
     denoised, kept = read_image(tmp_path / "out.nii")
     assert kept == grid
     for before, after in zip(image, denoised, strict=True):

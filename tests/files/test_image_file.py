@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 
 import nibabel as nib
 import numpy as np
@@ -8,10 +9,11 @@ import torch
 from PIL import Image as Picture
 
 from pnpct.files import FileFormatError, Provenance, describe_file, read_image, write_image
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, VolumeGrid
 
 PROVENANCE = Provenance(["pnpct", "reconstruct"], "0.1.0")
 GRID = ImageGrid(4, 6, spacing=0.7, center=(12.5, -3.25))
+STACK = VolumeGrid(GRID, slices=3, slice_spacing=2.5, z=-140.25)
 
 
 @pytest.fixture
@@ -37,24 +39,41 @@ def test_hdf5_gives_the_same_image(tmp_path, generator, batch):
     assert grid == GRID
 
 
+@pytest.mark.parametrize("batch", [(), (2,)])
+def test_hdf5_gives_the_same_volume(tmp_path, generator, batch):
+    volume = torch.rand(*batch, *STACK.shape, generator=generator)
+    write_image(tmp_path / "volume.h5", volume, STACK, provenance=PROVENANCE)
+    read, grid = read_image(tmp_path / "volume.h5")
+    assert torch.equal(read, volume)
+    assert grid == STACK
+    attributes = describe_file(tmp_path / "volume.h5")["attributes"]["image"]
+    assert {key: attributes[key] for key in ("slices", "slice_spacing_mm", "z_mm")} == {
+        "slices": 3,
+        "slice_spacing_mm": 2.5,
+        "z_mm": -140.25,
+    }
+
+
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
-@pytest.mark.parametrize("slices", [0, 3])
-def test_nifti_gives_the_same_image_to_float32_rounding(tmp_path, generator, suffix, slices):
-    image = 2.0 * torch.rand(*([slices] if slices else []), 4, 6, generator=generator)
-    write_image(tmp_path / f"image{suffix}", image, GRID, provenance=PROVENANCE)
-    read, grid = read_image(tmp_path / f"image{suffix}")
+@pytest.mark.parametrize("grid", [GRID, STACK, replace(STACK, slices=1, z=0.3)], ids=["image", "volume", "one slice"])
+def test_nifti_gives_the_same_image_to_float32_rounding(tmp_path, generator, suffix, grid):
+    image = 2.0 * torch.rand(grid.shape, generator=generator)
+    write_image(tmp_path / f"image{suffix}", image, grid, provenance=PROVENANCE)
+    read, read_grid = read_image(tmp_path / f"image{suffix}")
     # HU up to 1000 in float32 are good to 3e-5 HU, which is 3e-8 of water; then the result is rounded.
     torch.testing.assert_close(read, image, rtol=2e-7, atol=6e-8)
-    assert grid == GRID
+    assert read_grid == grid
 
 
-def test_a_single_slice_of_nifti_is_no_batch(tmp_path, image):
-    write_image(tmp_path / "image.nii", image[None], GRID, provenance=PROVENANCE)
-    assert read_image(tmp_path / "image.nii")[0].shape == (4, 6)
+def test_an_image_without_a_height_is_two_dimensional_nifti(tmp_path, image):
+    write_image(tmp_path / "image.nii", image, GRID, provenance=PROVENANCE)
+    header = nib.load(tmp_path / "image.nii").header
+    assert header["dim"][:3].tolist() == [2, 6, 4]
 
 
 def test_nifti_shows_hu_where_they_are_in_the_patient(tmp_path, marked):
-    write_image(tmp_path / "image.nii", marked, GRID, provenance=PROVENANCE, slice_spacing=2.5)
+    grid = replace(STACK, slices=1)
+    write_image(tmp_path / "image.nii", marked[None], grid, provenance=PROVENANCE)
     nifti = nib.load(tmp_path / "image.nii")
     assert nib.aff2axcodes(nifti.affine) == ("R", "A", "S")
     assert nifti.header.get_zooms() == pytest.approx((0.7, 0.7, 2.5))
@@ -68,29 +87,61 @@ def test_nifti_shows_hu_where_they_are_in_the_patient(tmp_path, marked):
         return nifti.affine @ [*voxel, 1.0]
 
     # Smallest x is farthest to the patient's right, largest y to the front.
-    assert patient(1000.0)[:2] == pytest.approx((-GRID.x[0], GRID.y[0]), abs=1e-5)
-    assert patient(0.0)[:2] == pytest.approx((-GRID.x[1], GRID.y[0]), abs=1e-5)
+    assert patient(1000.0)[:3] == pytest.approx((-GRID.x[0], GRID.y[0], -140.25), abs=1e-5)
+    assert patient(0.0)[:3] == pytest.approx((-GRID.x[1], GRID.y[0], -140.25), abs=1e-5)
     assert (hu == -1000.0).sum() == 22
 
 
-def test_slices_are_the_third_axis(tmp_path, generator):
+def test_slices_are_the_third_axis_at_their_heights(tmp_path, generator):
     image = torch.rand(3, 4, 6, generator=generator)
-    write_image(tmp_path / "image.nii", image, GRID, provenance=PROVENANCE, slice_spacing=2.5)
+    write_image(tmp_path / "image.nii", image, STACK, provenance=PROVENANCE)
     nifti = nib.load(tmp_path / "image.nii")
     assert nifti.shape == (6, 4, 3)
-    assert (nifti.affine @ [0, 0, 1, 0])[2] == 2.5
+    # By hand: the middle slice of three is at z = -140.25 mm, the lowest 2.5 mm below; the last column is at
+    # x = 12.5 + 2.5 * 0.7 = 14.25 mm, the last row at y = -3.25 - 1.5 * 0.7 = -4.3 mm, and right is -x.
+    for affine in (nifti.get_sform(), nifti.get_qform()):
+        expected = [[0.7, 0, 0, -14.25], [0, 0.7, 0, -4.3], [0, 0, 2.5, -142.75], [0, 0, 0, 1]]
+        np.testing.assert_allclose(affine, expected, atol=1e-5)
     assert np.asarray(nifti.dataobj)[5, 3, 1] == pytest.approx(1000.0 * (float(image[1, 0, 0]) - 1.0))
 
 
-def test_a_nifti_file_in_another_order_is_the_same_image(tmp_path, image):
-    write_image(tmp_path / "image.nii", image, GRID, provenance=PROVENANCE)
-    nifti = nib.load(tmp_path / "image.nii")
-    turned = nifti.as_reoriented(nib.io_orientation(np.diag([-1.0, -1.0, 1.0, 1.0])))  # as DICOM orders it
-    assert nib.aff2axcodes(turned.affine) == ("L", "P", "S")
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+def test_a_nifti_file_in_another_order_is_the_same_volume(tmp_path, generator, towards):
+    write_image(tmp_path / "volume.nii", torch.rand(STACK.shape, generator=generator), STACK, provenance=PROVENANCE)
+    nifti = nib.load(tmp_path / "volume.nii")
+    turned = nifti.as_reoriented(nib.io_orientation(np.diag([-1.0, -1.0, towards, 1.0])))  # as DICOM orders it
+    assert nib.aff2axcodes(turned.affine) == ("L", "P", "S" if towards > 0 else "I")
     nib.save(turned, tmp_path / "turned.nii")
     read, grid = read_image(tmp_path / "turned.nii")
-    assert torch.equal(read, read_image(tmp_path / "image.nii")[0])
-    assert grid == GRID
+    assert torch.equal(read, read_image(tmp_path / "volume.nii")[0])
+    assert grid == STACK
+
+
+@pytest.mark.parametrize("third", [0.0, 3.0])
+def test_two_dimensions_from_elsewhere_are_an_image(tmp_path, third):
+    hu = np.full((3, 2), -1000.0, np.float32)
+    hu[0, 1] = 40.0  # the patient's left, since the first axis runs to the right from there, and the front
+    elsewhere = nib.Nifti1Image(hu, np.diag([2.0, 2.0, 1.0, 1.0]))
+    elsewhere.header.set_sform(np.diag([2.0, 2.0, third, 1.0]), code="scanner")
+    nib.save(elsewhere, tmp_path / "two.nii.gz")
+    image, grid = read_image(tmp_path / "two.nii.gz")
+    assert grid == ImageGrid(2, 3, spacing=2.0, center=(-2.0, 1.0))
+    torch.testing.assert_close(image, torch.tensor([[0.0, 0.0, 1.04], [0.0, 0.0, 0.0]]))
+
+
+def test_one_time_of_four_dimensions_is_a_volume(tmp_path):
+    affine = np.array([[2.0, 0, 0, 0], [0, 2.0, 0, 0], [0, 0, 3.0, 21.0], [0, 0, 0, 1]])
+    nib.save(nib.Nifti1Image(np.zeros((4, 4, 2, 1), np.float32), affine), tmp_path / "four.nii")
+    image, grid = read_image(tmp_path / "four.nii")
+    assert image.shape == (2, 4, 4)
+    assert (grid.slice_spacing, grid.heights.tolist()) == (3.0, [21.0, 24.0])
+
+
+def test_a_plane_that_is_not_axial_is_refused(tmp_path):
+    sagittal = np.array([[0, 0, 1.0, 0], [1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1]])
+    nib.save(nib.Nifti1Image(np.zeros((4, 5), np.float32), sagittal), tmp_path / "two.nii")
+    with pytest.raises(FileFormatError, match="square pixels along the patient's axes were needed"):
+        read_image(tmp_path / "two.nii")
 
 
 @pytest.mark.parametrize("spacing", [0.7, 0.87890625, 450 / 513, 1.0])
@@ -167,11 +218,10 @@ def test_gradients_and_other_precisions_do_not_matter(tmp_path, image):
         ("image.jpg", (4, 6), {}, "Images are kept as .h5, .nii, .nii.gz or .png, got image.jpg"),
         ("image", (4, 6), {}, "got image."),
         ("image.h5", (6, 4), {}, "must end in the grid's (4, 6), got (6, 4)"),
-        ("image.nii", (2, 2, 4, 6), {}, "an image or one row of slices, got the shape (2, 2, 4, 6); use .h5"),
-        ("image.png", (2, 2, 4, 6), {}, "use .h5"),
+        ("image.nii", (2, 4, 6), {}, "one image or one volume, got a batch of the shape (2, 4, 6); use .h5"),
+        ("image.png", (2, 2, 4, 6), {}, "an image or one row of slices, got the shape (2, 2, 4, 6); use .h5"),
         ("image.png", (4, 6), {"window": (30.0, 0.0)}, "positive width, got (30.0, 0.0)"),
         ("image.png", (4, 6), {"window": (float("nan"), 1.0)}, "positive width, got (nan, 1.0)"),
-        ("image.nii", (4, 6), {"slice_spacing": 0.0}, "must be a positive length in mm, got 0.0"),
     ],
 )
 def test_what_cannot_be_written_is_one_sentence(tmp_path, name, shape, options, message):
@@ -215,7 +265,7 @@ def test_other_pixels_of_nifti_are_refused(tmp_path, affine):
 
 def test_four_axes_of_nifti_are_refused(tmp_path):
     nib.save(nib.Nifti1Image(np.zeros((4, 4, 1, 2), np.float32), np.eye(4)), tmp_path / "image.nii")
-    with pytest.raises(FileFormatError, match=r"three axes were needed, got the shape \(4, 4, 1, 2\)"):
+    with pytest.raises(FileFormatError, match=r"two or three axes were needed, got the shape \(4, 4, 1, 2\)"):
         read_image(tmp_path / "image.nii")
 
 

@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-import nibabel as nib
 from tyro.conf import Positional
 
 from pnpct.cli.artefact import IMAGES, check_output, finish
@@ -18,7 +16,7 @@ from pnpct.reconstruction import denoiser_settings
 
 @dataclass(frozen=True)
 class Denoise(DenoiserOptions):
-    """Denoise an image, or each slice of it.
+    """Denoise an image, or each slice of a volume.
 
     Args:
         image: The image, .h5, .nii or .nii.gz; networks that pnpct trains expect FBP with the sharpest kernel.
@@ -40,13 +38,5 @@ class Denoise(DenoiserOptions):
             denoised = denoise(image.to(device)).cpu()
         settings = {**denoiser_settings(denoise), "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.image], settings=settings)
-        write_image(self.denoised, denoised, grid, provenance=provenance, slice_spacing=_slice_spacing(self.image))
-        finish(self.denoised, provenance, summary=f"{grid.rows} x {grid.cols} pixels of {grid.spacing:.4g} mm")
-
-
-def _slice_spacing(image: Path) -> float:
-    """Distance between the slices of an image that has been read, mm; 1 where the format has none."""
-    if image.name.lower().endswith(".h5"):
-        return 1.0
-    to_canonical: Any = nib.as_closest_canonical  # nibabel says no types here
-    return float(to_canonical(nib.load(image)).affine[2, 2])
+        write_image(self.denoised, denoised, grid, provenance=provenance)
+        finish(self.denoised, provenance, summary=str(grid))

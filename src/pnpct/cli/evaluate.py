@@ -8,7 +8,7 @@ from tyro.conf import Positional
 
 from pnpct.cli.artefact import NUMBERS, check_output, finish
 from pnpct.cli.scores import say_scores, write_scores
-from pnpct.cli.truth import check_same_grid, truth_of
+from pnpct.cli.truth import on_one_grid, truth_of
 from pnpct.comparison import fidelity_values, histogram_values, texture_values
 from pnpct.comparison.measures import score_definitions
 from pnpct.files import read_image, record_run
@@ -16,7 +16,7 @@ from pnpct.files import read_image, record_run
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Compare an image with the truth.
+    """Compare an image or a volume with the truth.
 
     Errors are in HU, in all, in the body, in soft tissue, and by ranges of the truth. psnr (dB) and ssim in the body
     have level and width of their window in their names. Then the scores of ldct-benchmark in its three windows and of
@@ -37,8 +37,7 @@ class Evaluate:
         """Compare, show the numbers, and write them."""
         if self.numbers:
             check_output(self.numbers, NUMBERS, inputs=[self.image, self.truth])
-        (image, grid), (truth, truth_grid) = read_image(self.image), truth_of(self.truth)
-        check_same_grid(grid, truth_grid)
+        image, truth = on_one_grid(read_image(self.image), truth_of(self.truth))
         values = fidelity_values(image, truth) | histogram_values(image, truth) | texture_values(image, truth)
         say_scores({self.image.name: values})
         if self.numbers:

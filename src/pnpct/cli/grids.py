@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from pnpct.files import read_truth
-from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.geometry import Geometry, ImageGrid, require_image_grid
 
 SIZE = 512
 
@@ -27,7 +27,7 @@ def square_grid(size: int, field_of_view: float, *, center: tuple[float, float] 
     return ImageGrid(size, size, field_of_view / size, center)
 
 
-def grid_for(scan: Path, geometry: FanBeam, *, size: int | None, field_of_view: float | None) -> ImageGrid:
+def grid_for(scan: Path, geometry: Geometry, *, size: int | None, field_of_view: float | None) -> ImageGrid:
     """Return the grid for a reconstruction.
 
     Where a number is not given it is that of the truth in the scan, if there is one; else the grid has 512 rows and
@@ -44,7 +44,7 @@ def grid_for(scan: Path, geometry: FanBeam, *, size: int | None, field_of_view: 
         ValueError: If a number is out of its range, or the truth in the scan is not whole.
     """
     known = read_truth(scan)
-    usual = known[1] if known else square_grid(SIZE, 2 * geometry.field_of_view_radius)
+    usual = require_image_grid(known[1]) if known else square_grid(SIZE, 2 * geometry.field_of_view_radius)
     if size is None and field_of_view is None:
         return usual
     return square_grid(

@@ -2,13 +2,17 @@
 
 from pathlib import Path
 
-from pnpct.arrays import Image
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pnpct.arrays import Image, Volume
 from pnpct.files import describe_file, read_image, read_truth
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 
-def truth_of(path: Path) -> tuple[Image, ImageGrid]:
-    """Read the truth and its grid, from an image or from the inside of a scan.
+def truth_of(path: Path) -> tuple[Image | Volume, Grid]:
+    """Read the truth and its grid, from an image or a volume or from the inside of a scan.
 
     Raises:
         OSError: If the file cannot be read.
@@ -21,29 +25,55 @@ def truth_of(path: Path) -> tuple[Image, ImageGrid]:
     return truth
 
 
-def check_same_grid(grid: ImageGrid, other: ImageGrid) -> None:
-    """Check that an image and the truth have their pixels at the same places, to a hundredth of a pixel.
+def on_one_grid(image: tuple[Tensor, Grid], truth: tuple[Tensor, Grid]) -> tuple[Tensor, Tensor]:
+    """Return an image and the truth with the same axes, where their pixels are at the same places.
+
+    A single slice of a volume and an image, which has no height, are compared in their plane.
+
+    Args:
+        image: The image or volume, with any batch, and its grid.
+        truth: The truth, likewise.
 
     Raises:
-        ValueError: If they have not.
+        ValueError: If the pixels or slices lie elsewhere, by more than a hundredth of their distance.
     """
-    if grid.shape != other.shape:
-        raise ValueError(f"The image has {_size(grid)} pixels, the truth {_size(other)}; reconstruct on its grid.")
-    away = max(abs(a - b) for a, b in zip(_corners(grid), _corners(other), strict=True))
-    if away > 0.01 * other.spacing:
+    if not (isinstance(image[1], VolumeGrid) and isinstance(truth[1], VolumeGrid)):
+        image, truth = _single_slice_flat(*image), _single_slice_flat(*truth)
+    (values, grid), (true_values, true_grid) = image, truth
+    if grid.shape != true_grid.shape:
+        raise ValueError(f"The image has {_size(grid)} pixels, the truth {_size(true_grid)}; reconstruct on its grid.")
+    plane, true_plane = _plane(grid), _plane(true_grid)
+    allowed = 0.01 * true_plane.spacing
+    if _apart(plane.x, true_plane.x) > allowed or _apart(plane.y, true_plane.y) > allowed:
         raise ValueError(
-            f"The pixels of the image are not where those of the truth are: {_place(grid)} against {_place(other)}; "
-            "reconstruct on its grid."
+            f"The pixels of the image are not where those of the truth are: {_place(plane)} against "
+            f"{_place(true_plane)}; reconstruct on its grid."
         )
+    if isinstance(grid, VolumeGrid) and isinstance(true_grid, VolumeGrid):
+        z, true_z = grid.heights, true_grid.heights
+        if _apart(z, true_z) > 0.01 * true_grid.slice_spacing:
+            raise ValueError(
+                f"The slices of the image are not at the heights of the truth: z = {z[0]:.6g} to {z[-1]:.6g} mm "
+                f"against {true_z[0]:.6g} to {true_z[-1]:.6g} mm; reconstruct on its grid."
+            )
+    return values, true_values
 
 
-def _size(grid: ImageGrid) -> str:
-    return f"{grid.rows} x {grid.cols}"
+def _single_slice_flat(image: Tensor, grid: Grid) -> tuple[Tensor, Grid]:
+    return (image[..., 0, :, :], grid.plane) if isinstance(grid, VolumeGrid) and grid.slices == 1 else (image, grid)
+
+
+def _plane(grid: Grid) -> ImageGrid:
+    return grid.plane if isinstance(grid, VolumeGrid) else grid
+
+
+def _size(grid: Grid) -> str:
+    return " x ".join(map(str, grid.shape))
 
 
 def _place(grid: ImageGrid) -> str:
     return f"{grid.spacing:.6g} mm apart around ({grid.center[0]:g}, {grid.center[1]:g}) mm"
 
 
-def _corners(grid: ImageGrid) -> tuple[float, ...]:
-    return tuple(float(value) for value in (grid.x[0], grid.x[-1], grid.y[0], grid.y[-1]))
+def _apart(positions: NDArray[np.float64], others: NDArray[np.float64]) -> float:
+    return float(np.abs(positions - others).max())

@@ -10,7 +10,7 @@ import torch
 
 from pnpct.arrays import Image
 from pnpct.files import describe_file, read_exposure, read_scan, read_truth, tube_voltages
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, require_image_grid
 from pnpct.physics import Scan
 
 REFERENCE_MA = 800.0
@@ -55,8 +55,9 @@ class Subject:
         """
         if self.tube_current_ma is None or self.tube_voltage_kvp is None:
             scan, known = read_scan(self.file), read_truth(self.file)
-            truth, grid = known if known else (None, _whole_view(scan, self.size))
-            return LoadedSubject(scan, grid, truth, {})
+            if known is None:
+                return LoadedSubject(scan, _whole_view(scan, self.size), None, {})
+            return LoadedSubject(scan, require_image_grid(known[1]), known[0], {})
         exposed = read_exposure(self.file, tube_voltage_kvp=self.tube_voltage_kvp)
         if exposed.truth is None or exposed.grid is None:
             raise ValueError(f"{self.file} has no truth that images could be compared with.")

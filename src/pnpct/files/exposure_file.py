@@ -31,7 +31,7 @@ from pnpct.files.hdf5 import (
     write_image_dataset,
 )
 from pnpct.files.provenance import Provenance
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, require_fan_beam, require_image_grid
 from pnpct.physics import BeamHardening, Exposure, Moments
 
 FORMAT = "pnpct-exposures"
@@ -110,14 +110,16 @@ def read_exposure(path: PathLike, *, tube_voltage_kvp: float = 120.0) -> Exposed
             electronic_noise=float(group.attrs["electronic_noise"]),
         )
         hardening = BeamHardening(read_array(group, "beam_hardening")) if "beam_hardening" in group else None
-        geometry = read_geometry_group(group_of(file, "geometry"))
+        geometry = require_fan_beam(read_geometry_group(group_of(file, "geometry")))
         if tuple(moments.signal_mean.shape[-2:]) != geometry.shape:
             raise FileFormatError(
                 f"the moments have the shape {tuple(moments.signal_mean.shape)}, the geometry is for {geometry.shape}."
             )
         exposure = Exposure(moments, geometry, float(group.attrs["mu_water_per_mm"]), hardening)
-        known = read_image_dataset(group_of(group, "truth")) if "truth" in group else (None, None)
-        return ExposedSlice(exposure, *known)
+        if "truth" not in group:
+            return ExposedSlice(exposure)
+        truth, grid = read_image_dataset(group_of(group, "truth"))
+        return ExposedSlice(exposure, truth, require_image_grid(grid))
 
 
 def tube_voltages(path: PathLike) -> tuple[float, ...]:

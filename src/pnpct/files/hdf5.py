@@ -11,14 +11,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pnpct.arrays import Image
+from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
 from pnpct.files.provenance import Provenance
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 FORMAT_VERSION = 1
-_GRID = {"spacing_mm": "spacing", "rows": "rows", "cols": "cols"}
+_PLANE = {"spacing_mm": "spacing", "rows": "rows", "cols": "cols"}
+_STACK = {"slices": "slices", "slice_spacing_mm": "slice_spacing", "z_mm": "z"}
 _CHUNK_BYTES = 1 << 18
 
 
@@ -149,19 +150,23 @@ def group_of(file: h5py.Group, name: str) -> h5py.Group:
     return group
 
 
-def write_image_dataset(group: h5py.Group, image: Image, grid: ImageGrid, *, description: str) -> None:
-    """Store an image as `image` in a group, with its grid as attributes."""
-    if tuple(image.shape[-2:]) != grid.shape:
+def write_image_dataset(group: h5py.Group, image: Image | Volume, grid: Grid, *, description: str) -> None:
+    """Store an image or a volume as `image` in a group, with its grid as attributes."""
+    if tuple(image.shape[image.ndim - len(grid.shape) :]) != grid.shape:
         raise ValueError(f"The image must end in the grid's {grid.shape}, got {tuple(image.shape)}.")
     units = "attenuation relative to water (air 0, water 1; HU = 1000 (image - 1))"
     dataset = write_array(group, "image", image, units=units, description=description)
-    dataset.attrs.update({key: getattr(grid, name) for key, name in _GRID.items()})
-    dataset.attrs["center_xy_mm"] = grid.center
+    plane = grid.plane if isinstance(grid, VolumeGrid) else grid
+    dataset.attrs.update({key: getattr(plane, name) for key, name in _PLANE.items()})
+    dataset.attrs["center_xy_mm"] = plane.center
     dataset.attrs["orientation"] = "row 0 is the largest y, column 0 the smallest x; x to the right, y up"
+    if isinstance(grid, VolumeGrid):
+        dataset.attrs.update({key: getattr(grid, name) for key, name in _STACK.items()})
+        dataset.attrs["orientation"] += "; slice 0 the smallest z; z towards the head"
 
 
-def read_image_dataset(group: h5py.Group) -> tuple[Image, ImageGrid]:
-    """Load what `write_image_dataset` stored.
+def read_image_dataset(group: h5py.Group) -> tuple[Image | Volume, Grid]:
+    """Load what `write_image_dataset` stored; it is a volume if the number of slices is among the attributes.
 
     Raises:
         FileFormatError: If something is missing or does not fit together.
@@ -172,8 +177,12 @@ def read_image_dataset(group: h5py.Group) -> tuple[Image, ImageGrid]:
     if center.shape != (2,):
         raise FileFormatError(f"center_xy_mm must be two numbers, got {center.tolist()}.")
     rows, cols, spacing = int(attributes["rows"]), int(attributes["cols"]), float(attributes["spacing_mm"])
-    grid = ImageGrid(rows, cols, spacing, (float(center[0]), float(center[1])))
-    if tuple(image.shape[-2:]) != grid.shape:
+    plane = ImageGrid(rows, cols, spacing, (float(center[0]), float(center[1])))
+    grid: Grid = plane
+    if "slices" in attributes:
+        between, z = float(attributes["slice_spacing_mm"]), float(attributes["z_mm"])
+        grid = VolumeGrid(plane, int(attributes["slices"]), between, z)
+    if tuple(image.shape[image.ndim - len(grid.shape) :]) != grid.shape:
         raise FileFormatError(f"the image has the shape {tuple(image.shape)}, but its grid {grid.shape}.")
     return image, grid
 

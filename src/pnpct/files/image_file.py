@@ -1,10 +1,10 @@
-"""Images on disk: HDF5 to go on with, NIfTI for viewers, PNG to look at.
+"""Images and volumes on disk: HDF5 to go on with, NIfTI for viewers, PNG to look at.
 
 HDF5 holds attenuation relative to water; NIfTI and PNG show HU. In NIfTI the object lies as a patient does on
 the back, head first, seen from the feet: our x grows towards the patient's left, our y towards the front.
 Viewers in the radiological convention then show the picture as it is here. The voxels are stored in the order
 that NIfTI calls RAS+ (first axis towards the patient's right, second towards the front, third towards the
-head), so with x reversed.
+head), so with x reversed. A volume is a NIfTI file of three dimensions; an image, which has no height, is one of two.
 """
 
 import gzip
@@ -17,15 +17,16 @@ import numpy as np
 import torch
 from nibabel.filebasedimages import ImageFileError
 from nibabel.spatialimages import HeaderDataError
+from numpy.typing import NDArray
 from PIL import Image as Picture
 from PIL.PngImagePlugin import PngInfo
 
-from pnpct.arrays import Image
+from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
 from pnpct.files.hdf5 import new_hdf5, open_hdf5, read_image_dataset, write_image_dataset
 from pnpct.files.provenance import Provenance
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu, to_hu
 
 FORMAT = "pnpct-image"
@@ -33,38 +34,41 @@ FORMAT = "pnpct-image"
 
 def write_image(
     path: PathLike,
-    image: Image,
-    grid: ImageGrid,
+    image: Image | Volume,
+    grid: Grid,
     *,
     provenance: Provenance,
     window: tuple[float, float] = (30.0, 300.0),
-    slice_spacing: float = 1.0,
 ) -> None:
-    """Write an image, or a batch of them as slices, in the format that the suffix names.
+    """Write an image or a volume in the format that the suffix names.
 
-    .h5 keeps the image relative to water as float32. .nii and .nii.gz keep HU as float32, slices along the
-    third axis. .png shows HU through a window in 256 greys, slices side by side. The provenance is in each of
-    them.
+    .h5 keeps it relative to water as float32, with any batch. .nii and .nii.gz keep the HU of one image or one
+    volume as float32, slices along the third axis. .png shows HU through a window in 256 greys, slices (or a
+    batch of images) side by side. The provenance is in each of them.
 
     Args:
         path: Where the file shall be: .h5, .nii, .nii.gz or .png; an older one is replaced.
-        image: The image, relative to water.
+        image: The image or volume, relative to water.
         grid: Where its pixels are.
         provenance: How it was made.
         window: Level and width of the window of a PNG, HU.
-        slice_spacing: Distance between the slices of a NIfTI file, mm.
 
     Raises:
         OSError: If the file cannot be written.
-        ValueError: If the suffix is another, the image does not fit its grid or is not finite, there is more
-            than one batch dimension for NIfTI or PNG, or the window or the slice spacing is not positive.
+        ValueError: If the suffix is another, the image does not fit its grid or is not finite, there is a batch
+            for NIfTI or more than one row of images for PNG, or the window is not positive.
     """
     suffix = _suffix(path)
-    if tuple(image.shape[-2:]) != grid.shape:
+    batch = image.ndim - len(grid.shape)
+    if tuple(image.shape[batch:]) != grid.shape:
         raise ValueError(f"The image must end in the grid's {grid.shape}, got {tuple(image.shape)}.")
     if not image.isfinite().all():
         raise ValueError(f"{path} was not written: the image holds values that are not finite.")
-    if suffix != ".h5" and image.ndim > 3:
+    if suffix.startswith(".nii") and batch:
+        raise ValueError(
+            f"{suffix} files hold one image or one volume, got a batch of the shape {tuple(image.shape)}; use .h5."
+        )
+    if suffix == ".png" and image.ndim > 3:
         raise ValueError(
             f"{suffix} files hold an image or one row of slices, got the shape {tuple(image.shape)}; use .h5."
         )
@@ -75,14 +79,14 @@ def write_image(
     elif suffix == ".png":
         _write_png(path, image, provenance, window)
     else:
-        _write_nifti(path, image, grid, provenance, slice_spacing)
+        _write_nifti(path, image, grid, provenance)
 
 
-def read_image(path: PathLike) -> tuple[Image, ImageGrid]:
-    """Read an image relative to water, and its grid, from .h5, .nii or .nii.gz.
+def read_image(path: PathLike) -> tuple[Image | Volume, Grid]:
+    """Read an image or a volume relative to water, and its grid, from .h5, .nii or .nii.gz.
 
-    A NIfTI file may come from elsewhere if it holds HU and its axes are those of the patient; one slice
-    becomes an image without a batch, more become a batch.
+    A NIfTI file may come from elsewhere if it holds HU and its axes are those of the patient. With two dimensions
+    it is an image, with three (or four, at one time) a volume, also of a single slice.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
@@ -106,12 +110,12 @@ def _suffix(path: PathLike) -> str:
     raise ValueError(f"Images are kept as .h5, .nii, .nii.gz or .png, got {Path(path).name}.")
 
 
-def _hu_array(image: Image) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _hu_array(image: Image | Volume) -> np.ndarray[Any, np.dtype[np.float64]]:
     """HU in double precision, slices first."""
     return np.asarray(to_hu(image.double()).reshape(-1, *image.shape[-2:]))
 
 
-def _write_png(path: PathLike, image: Image, provenance: Provenance, window: tuple[float, float]) -> None:
+def _write_png(path: PathLike, image: Image | Volume, provenance: Provenance, window: tuple[float, float]) -> None:
     level, width = window
     if not (width > 0 and np.isfinite(window).all()):
         raise ValueError(f"The window of a PNG is (level, width) in HU with a positive width, got {window}.")
@@ -123,15 +127,16 @@ def _write_png(path: PathLike, image: Image, provenance: Provenance, window: tup
         Picture.fromarray(greys).save(temporary, pnginfo=text)
 
 
-def _write_nifti(path: PathLike, image: Image, grid: ImageGrid, provenance: Provenance, slice_spacing: float) -> None:
-    if not 0 < slice_spacing < np.inf:
-        raise ValueError(f"The distance between slices must be a positive length in mm, got {slice_spacing}.")
+def _write_nifti(path: PathLike, image: Image | Volume, grid: Grid, provenance: Provenance) -> None:
     # From (slice, row, column) to RAS+: the last column is the patient's left, the last row the back.
     voxels = _hu_array(image)[:, ::-1, ::-1].transpose(2, 1, 0).astype(np.float32)
-    affine = np.diag([grid.spacing, grid.spacing, slice_spacing, 1.0])
-    affine[:2, 3] = -grid.x[-1], grid.y[-1]
+    plane = grid.plane if isinstance(grid, VolumeGrid) else grid
+    affine = np.diag([plane.spacing, plane.spacing, 1.0, 1.0])
+    affine[:2, 3] = -plane.x[-1], plane.y[-1]
+    if isinstance(grid, VolumeGrid):
+        affine[2, 2:] = grid.slice_spacing, grid.heights[0]
     new: Any = nib.Nifti1Image  # nibabel says no types here
-    nifti = new(voxels, affine)
+    nifti = new(voxels if isinstance(grid, VolumeGrid) else voxels[..., 0], affine)
     nifti.set_sform(affine, code="scanner")
     nifti.set_qform(affine, code="scanner")
     nifti.header.set_xyzt_units(xyz="mm")
@@ -142,26 +147,42 @@ def _write_nifti(path: PathLike, image: Image, grid: ImageGrid, provenance: Prov
         temporary.write_bytes(gzip.compress(content, mtime=0) if _suffix(path) == ".nii.gz" else content)
 
 
-def _read_nifti(path: PathLike) -> tuple[Image, ImageGrid]:
+def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     existing_file(path)
-    to_canonical: Any = nib.as_closest_canonical  # nibabel says no types here
     try:
-        nifti = to_canonical(nib.load(path))
-        voxels = np.asarray(nifti.dataobj, dtype=np.float64)
+        voxels, affine, axes = _canonical(path)
     except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
         reason = " ".join(str(error).split())
         raise FileFormatError(f"{path}: this is not a whole NIfTI file ({reason}).") from error
     if voxels.ndim != 3 or not np.isfinite(voxels).all():
-        raise FileFormatError(f"{path}: finite HU along three axes were needed, got the shape {voxels.shape}.")
-    directions = np.asarray(nifti.affine)[:3, :3]
-    spacing = float(directions[0, 0])
-    aligned = np.diag([spacing, spacing, directions[2, 2]])
-    if not spacing > 0 or not np.allclose(directions, aligned, rtol=1e-4, atol=1e-4 * spacing):
+        raise FileFormatError(f"{path}: finite HU along two or three axes were needed, got the shape {voxels.shape}.")
+    directions = affine[:3, :3]
+    spacing, slice_spacing = float(directions[0, 0]), float(directions[2, 2])
+    aligned = np.diag([spacing, spacing, slice_spacing])
+    off_axis = not np.allclose(directions, aligned, rtol=1e-4, atol=1e-4 * spacing)
+    if not min(spacing, slice_spacing) > 0 or off_axis or (axes == 2 and voxels.shape[2] != 1):
         raise FileFormatError(f"{path}: square pixels along the patient's axes were needed, got {directions.tolist()}.")
     # The file has float32: the shortest number with the same float32 is the one that was meant.
-    spacing = float(str(np.float32(spacing)))
-    middle = nifti.affine[:2, 3] + (np.asarray(voxels.shape[:2]) - 1) / 2 * spacing
-    center = (round(float(-middle[0]), 4) + 0.0, round(float(middle[1]), 4) + 0.0)
+    spacing, slice_spacing = float(str(np.float32(spacing))), float(str(np.float32(slice_spacing)))
+    middle = affine[:3, 3] + (np.asarray(voxels.shape) - 1) / 2 * [spacing, spacing, slice_spacing]
+    right, front, head = (round(float(position), 4) + 0.0 for position in middle)
     image = from_hu(torch.from_numpy(voxels.transpose(2, 1, 0)[:, ::-1, ::-1].copy())).float()
-    grid = ImageGrid(image.shape[1], image.shape[2], spacing, center)
-    return image[0] if len(image) == 1 else image, grid
+    slices, rows, cols = image.shape
+    plane = ImageGrid(rows, cols, spacing, (0.0 - right, front))
+    return (image[0], plane) if axes == 2 else (image, VolumeGrid(plane, slices, slice_spacing, head))
+
+
+def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Read voxels in the order RAS+, their affine, and the number of axes that the file has for them, 2 or 3.
+
+    More axes than three, where they are not of one time, come as they are.
+    """
+    nib_: Any = nib  # which says no types here
+    nifti = nib_.load(path)
+    voxels, affine = np.asarray(nifti.dataobj, dtype=np.float64), np.array(nifti.affine, dtype=np.float64)
+    if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:
+        return voxels, affine, voxels.ndim
+    if voxels.ndim == 2:
+        affine[:3, 2] = np.cross(affine[:3, 0], affine[:3, 1])  # whatever the header says of an axis that is not there
+    turned = nib_.as_closest_canonical(nib_.Nifti1Image(voxels.reshape((*voxels.shape, 1)[:3]), affine))
+    return np.asarray(turned.dataobj), np.asarray(turned.affine), min(voxels.ndim, 3)

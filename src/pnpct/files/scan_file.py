@@ -1,20 +1,23 @@
 """Scans on disk: one HDF5 file that anybody can read with h5py.
 
-    /counts                       (..., views, bins) float32, quanta
-    /incident                     float32, quanta: one number, (bins), (views, 1) or (views, bins)
+    /counts                       (..., views, bins) or (..., views, detector_rows, bins) float32, quanta
+    /incident                     float32, quanta: one number, (bins), (views, 1) or (views, bins); with detector rows
+                                  whatever broadcasts to (views, detector_rows, bins)
     /electronic_noise             float64, quanta, standard deviation
     /geometry                     attributes: source_to_isocenter_mm, source_to_detector_mm, bin_width_mm,
-                                  detector_offset_bins, bins, detector ("arc" or "flat")
+                                  detector_offset_bins, bins, detector ("arc" or "flat"); of a cone beam also
+                                  detector_rows, row_height_mm (at the detector), row_offset_rows
     /geometry/view_angles         (views) float64, rad
-    /geometry/focal_spot_shifts   (views, 2) float64, mm; only if the focal spot moves
+    /geometry/z                   (views) float64, mm, height of each view; only of a cone beam, 0 if it is absent
+    /geometry/focal_spot_shifts   (views, 2) float64, mm, of a cone beam (views, 3); only if the focal spot moves
     /beam_hardening/coefficients  (bins, order + 1); only if there is a correction
     /truth/image                  the object, where it is known, with its grid as attributes
 
 The root has the attributes format ("pnpct-scan"), format_version, description, provenance (JSON) and
-mu_water_per_mm; each dataset has units and a description.
+mu_water_per_mm; each dataset has units and a description. Detector rows begin with the lowest.
 """
 
-from pnpct.arrays import Image
+from pnpct.arrays import Image, Volume
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
 from pnpct.files.hdf5 import (
@@ -27,7 +30,7 @@ from pnpct.files.hdf5 import (
     write_image_dataset,
 )
 from pnpct.files.provenance import Provenance
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import Grid
 from pnpct.physics import BeamHardening, Scan
 
 FORMAT = "pnpct-scan"
@@ -38,7 +41,7 @@ def write_scan(
     scan: Scan,
     *,
     provenance: Provenance,
-    truth: tuple[Image, ImageGrid] | None = None,
+    truth: tuple[Image | Volume, Grid] | None = None,
     description: str = "",
 ) -> None:
     """Write a scan, and the object that was scanned where it is known.
@@ -82,7 +85,7 @@ def read_scan(path: PathLike) -> Scan:
     with open_hdf5(path, formats=(FORMAT,)) as file:
         geometry = read_geometry_group(group_of(file, "geometry"))
         counts = read_array(file, "counts")
-        if tuple(counts.shape[-2:]) != geometry.shape:
+        if tuple(counts.shape[counts.ndim - len(geometry.shape) :]) != geometry.shape:
             raise FileFormatError(
                 f"the counts have the shape {tuple(counts.shape)}, but the geometry is for {geometry.shape}."
             )
@@ -102,7 +105,7 @@ def read_scan(path: PathLike) -> Scan:
         )
 
 
-def read_truth(path: PathLike) -> tuple[Image, ImageGrid] | None:
+def read_truth(path: PathLike) -> tuple[Image | Volume, Grid] | None:
     """Read the object that was scanned, and its grid; None where it is not known.
 
     Raises:

@@ -11,6 +11,7 @@ from pnpct.arrays import Image
 from pnpct.comparison import Case, Check, Comparison, StoredImage
 from pnpct.comparison.image_hash import image_sha256
 from pnpct.files import read_image
+from pnpct.geometry import require_image_grid
 from pnpct.report.pixels import PackedPixels, pack_hu, pack_map
 from pnpct.units import to_hu
 
@@ -116,4 +117,4 @@ def _read(folder: Path, case: Case, stored: StoredImage) -> tuple[torch.Tensor, 
             f"{path}: an image of the case {case.name} has {shape[0]} x {shape[1]} pixels, got the shape "
             f"{tuple(image.shape)}; make the comparison again."
         )
-    return image, image_sha256(image, grid)
+    return image, image_sha256(image, require_image_grid(grid))
