@@ -18,14 +18,17 @@ from pydicom.uid import (
 )
 
 from pnpct.files import FileFormatError, dicom_image, read_dicom_series
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, VolumeGrid
 
 
 def test_slices_are_ordered_by_their_height(tmp_path):
     series = read_dicom_series(save(tmp_path, *(dicom(z) for z in (4.5, -1.5, 7.5, 1.5))))
     assert series.z == (-1.5, 1.5, 4.5, 7.5)
-    assert series.slice_spacing == 3.0
-    assert series.grid == ImageGrid(ROWS, COLS, spacing=0.7)
+    # By hand: the first of 6 x 4 pixels is at (-1, -2), so the middle is at -1 + 2.5 * 0.7 = 0.75 mm to the left and
+    # at -2 + 1.5 * 0.7 = -0.95 mm to the back; the middle of the slices is half-way between -1.5 and 7.5 mm.
+    assert series.grid.plane.center == pytest.approx((0.75, 0.95))
+    assert series.grid == VolumeGrid(ImageGrid(ROWS, COLS, 0.7, series.plane.center), 4, slice_spacing=3.0, z=3.0)
+    assert series.grid.heights.tolist() == list(series.z)
     assert series.image_hu.dtype == np.int16
     np.testing.assert_array_equal(series.image_hu, np.stack([stored_pixels(z) for z in series.z]))
 
@@ -33,7 +36,16 @@ def test_slices_are_ordered_by_their_height(tmp_path):
 def test_a_single_slice_is_a_series(tmp_path):
     series = read_dicom_series(save(tmp_path, dicom(2.0)))
     assert series.z == (2.0,)
-    assert series.slice_spacing == 0.0
+    with pytest.raises(ValueError, match="thickness of the only slice, at z = 2 mm, is not known"):
+        series.grid  # noqa: B018 - it is reckoned when it is asked for
+
+
+def test_a_single_slice_is_as_thick_as_it_says(tmp_path):
+    series = read_dicom_series(save(tmp_path, dicom(2.0, SliceThickness=1.25)))
+    assert (series.grid.slices, series.grid.slice_spacing, series.grid.z) == (1, 1.25, 2.0)
+    (tmp_path / "0.dcm").unlink()
+    series = read_dicom_series(save(tmp_path, dicom(2.0, SliceThickness=""), dicom(3.0, SliceThickness="")))
+    assert series.slice_thickness is None
 
 
 @pytest.mark.parametrize(
@@ -48,8 +60,11 @@ def test_the_front_is_on_top_and_the_left_side_at_plus_x(tmp_path, orientation):
     x, y, _ = np.moveaxis(position - position.min(axis=(0, 1)), -1, 0)
     folder = save(tmp_path, dicom(0.0, (10 * y + x).astype(np.int16), ImageOrientationPatient=orientation))
     series = read_dicom_series(folder)
-    rows, cols = series.grid.shape
+    rows, cols = series.plane.shape
     np.testing.assert_array_equal(series.image_hu[0], 10 * np.arange(rows)[:, None] + np.arange(cols))
+    # The first stored pixel is at (-1, -2) mm of the patient, to the left and to the back, wherever it is shown now.
+    at = int(np.flatnonzero(series.image_hu[0] == 10 * y[0, 0] + x[0, 0])[0])
+    assert (series.plane.x[at % cols], -series.plane.y[at // cols]) == pytest.approx((-1.0, -2.0))
 
 
 @pytest.mark.parametrize("dtype", [np.int16, np.uint16])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pnpct.files import FileFormatError, ImageSeries, read_volume
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, VolumeGrid
 
 
 @pytest.fixture
@@ -19,8 +19,7 @@ def described(path, volume, **changes):
 def test_a_volume_may_say_all_itself(tmp_path, volume):
     series = read_volume(described(tmp_path / "ct.npz", volume))
     assert series.z == (-1.0, 2.0, 5.0, 8.0, 11.0)
-    assert series.slice_spacing == 3.0
-    assert series.grid == ImageGrid(4, 6, spacing=0.8)
+    assert series.grid == VolumeGrid(ImageGrid(4, 6, spacing=0.8), slices=5, slice_spacing=3.0, z=5.0)
     assert series.image_hu.dtype == np.int16
     np.testing.assert_array_equal(series.image_hu, volume)
 
@@ -38,7 +37,7 @@ def test_a_plain_array_needs_its_spacings(tmp_path, volume, name):
     path = f"{tmp_path}/{name}"
     series = read_volume(path, pixel_spacing=0.5, slice_spacing=2.0)
     assert series.z == (-4.0, -2.0, 0.0, 2.0, 4.0)
-    assert series.grid == ImageGrid(4, 6, spacing=0.5)
+    assert series.grid == VolumeGrid(ImageGrid(4, 6, spacing=0.5), slices=5, slice_spacing=2.0)
     np.testing.assert_array_equal(series.image_hu, volume)
     with pytest.raises(ValueError, match="does not say its spacings; give pixel_spacing and slice_spacing in mm"):
         read_volume(path)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -35,14 +37,14 @@ def hu_of(body: CTBody, z: float, grid: ImageGrid) -> torch.Tensor:
 
 def test_the_attenuation_at_70_kev_is_that_of_the_images(ramp):
     image = torch.from_numpy(ramp.image_hu[0]).clamp(min=-1000.0)
-    hu = hu_of(CTBody(ramp), 0.0, ramp.grid)
+    hu = hu_of(CTBody(ramp), 0.0, ramp.plane)
     known = image <= BONE_HU
     torch.testing.assert_close(hu[known], image[known], rtol=0, atol=0.01)
     assert hu[~known].sub(BONE_HU).abs().max() < 1.0
 
 
 def test_fractions_are_shares_and_continuous(ramp):
-    fractions = CTBody(ramp).slice(0.0, ramp.grid).fractions.flatten(1)
+    fractions = CTBody(ramp).slice(0.0, ramp.plane).fractions.flatten(1)
     assert fractions.min() >= 0
     torch.testing.assert_close(fractions.sum(dim=0), torch.ones(fractions.shape[1]))
     # A tenth of an HU apart: the steepest share is that of fat, all of it within 23 HU.
@@ -127,9 +129,15 @@ def test_noise_is_removed_before_tissues_are_told_apart(noise):
     torch.testing.assert_close(hu_of(CTBody(noise, denoise=denoise), 1.0, GRID), denoised, rtol=0, atol=0.01)
 
 
+def test_where_the_scanner_had_the_images_does_not_matter(noise):
+    aside = replace(noise, plane=replace(noise.plane, center=(31.0, -170.5)))
+    for grid in (GRID, replace(GRID, spacing=2.1), replace(GRID, spacing=0.7)):
+        assert torch.equal(CTBody(aside).slice(2.0, grid).fractions, CTBody(noise).slice(2.0, grid).fractions)
+
+
 def test_a_real_chest_keeps_its_hu(shared_data):
     series = read_volume(shared_data / "ct_series" / "chest.npz")
     for at in (0, 50, 101):
         image = torch.from_numpy(series.image_hu[at]).float().clamp(-1000.0, BONE_HU)
-        hu = hu_of(CTBody(series), series.z[at], series.grid)
+        hu = hu_of(CTBody(series), series.z[at], series.plane)
         assert (hu - image).abs().max() < 1.0

@@ -1,5 +1,6 @@
 """One CT image in DICOM: where it lies in the patient, and its HU."""
 
+import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +15,9 @@ from pydicom.uid import UID, CTImageStorage, MediaStorageDirectoryStorage
 
 from pnpct.files.errors import FileFormatError
 from pnpct.files.image_series import AIR_HU, tidy_hu
+from pnpct.geometry import ImageGrid
 
-_GEOMETRY = ("Rows", "Columns", "PixelSpacing", "ImageOrientationPatient", "ImagePositionPatient")
+_GEOMETRY = ("Rows", "Columns", "PixelSpacing", "ImageOrientationPatient", "ImagePositionPatient", "SliceThickness")
 _RESCALE = ("RescaleSlope", "RescaleIntercept", "RescaleType")
 _PADDING = ("PixelPaddingValue", "PixelPaddingRangeLimit", "PixelRepresentation")
 _KIND = ("SOPClassUID", "Modality", "ImageType", "SeriesInstanceUID", "NumberOfFrames")
@@ -64,6 +66,19 @@ class Layout:
             return image.T[:: self.along_row[1], :: self.along_column[0]]
         return image[:: self.along_column[1], :: self.along_row[0]]
 
+    def plane(self, position: tuple[float, float]) -> ImageGrid:
+        """Return the grid of an upright image.
+
+        Args:
+            position: Of the first pixel, (x, y) of the patient: to the left, to the back, mm.
+        """
+        left, back = (
+            first + self.spacing * ((self.cols - 1) * row + (self.rows - 1) * column) / 2
+            for first, row, column in zip(position, self.along_row, self.along_column, strict=True)
+        )
+        rows, cols = (self.rows, self.cols) if self.along_row[0] else (self.cols, self.rows)
+        return ImageGrid(rows, cols, self.spacing, (left, 0.0 - back))
+
     def __str__(self) -> str:
         return f"{self.rows} x {self.cols} pixels of {self.spacing:g} mm along {self.along_row}, {self.along_column}"
 
@@ -92,6 +107,15 @@ class CTSlice:
     def whole_numbers(self) -> bool:
         """Whether its HU are integers."""
         return self.slope.is_integer() and self.intercept.is_integer()
+
+    @property
+    def thickness(self) -> float | None:
+        """Thickness of the slice, mm; None if it is not a positive number."""
+        try:
+            (thickness,) = (float(value) for value in values_of(self.header, "SliceThickness"))
+        except (TypeError, ValueError):
+            return None
+        return thickness if 0 < thickness < math.inf else None
 
     @property
     def description(self) -> str:

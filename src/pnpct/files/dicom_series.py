@@ -11,7 +11,6 @@ from pydicom.uid import SecondaryCaptureImageStorage
 from pnpct.files.dicom_image import CTSlice, hu_of, read_image_header, slice_of, values_of
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.files.image_series import ImageSeries, check_heights
-from pnpct.geometry import ImageGrid
 
 
 def read_dicom_series(folder: PathLike, *, series_uid: str | None = None) -> ImageSeries:
@@ -20,7 +19,8 @@ def read_dicom_series(folder: PathLike, *, series_uid: str | None = None) -> Ima
     Files that are not DICOM, objects without pixels, images of other modalities, screen captures and
     localizer images are passed over; folders within the folder are not entered. Slices are ordered by their
     position, whatever the files are called. Images are turned so that the patient's front is at the top and
-    the left side at +x, also of patients who lay on the front or on a side. The description is made of body
+    the left side at +x, also of patients who lay on the front or on a side; positions are those of the file, in
+    the coordinates of the patient (our y is to the front, DICOM's to the back). The description is made of body
     part, scanner, kernel and voltage; nothing that could name the patient is kept. Compressed images are read
     as far as the installed decoders go. Enhanced (multi-frame) CT objects are not read.
 
@@ -58,8 +58,9 @@ def read_dicom_series(folder: PathLike, *, series_uid: str | None = None) -> Ima
     image_hu[0] = first
     for index, one in enumerate(slices[1:], start=1):
         image_hu[index] = hu_of(one)
-    grid = ImageGrid(first.shape[0], first.shape[1], slices[0].layout.spacing)
-    return ImageSeries(image_hu, grid, z, slices[0].description)
+    lowest = slices[0]
+    plane = lowest.layout.plane(lowest.position[:2])
+    return ImageSeries(image_hu, plane, z, lowest.description, lowest.thickness)
 
 
 def _ct_headers(folder: Path) -> list[tuple[Path, FileDataset]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pnpct.files.array_file import load_array
 from pnpct.files.errors import FileFormatError, PathLike
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, VolumeGrid
 
 AIR_HU = -1000
 LOWEST_HU = -1024
@@ -27,27 +27,29 @@ class ImageSeries:
 
     Args:
         image_hu: HU, slices from the feet to the head; pixels that were not imaged are air, -1000 HU.
-        grid: Where the pixels are; readers put its centre at (0, 0), wherever the scanner had it.
+        plane: Where the pixels are, as the file says; (0, 0) is the middle where it does not.
         z: Heights of the slices, mm, growing towards the head; evenly spaced within 20 %.
         description: Where the images come from, in words: scanner, kernel, voltage.
+        slice_thickness: What the file says of it, mm; None if nothing. It is the spacing of a single slice.
 
     Raises:
         ValueError: If the sizes do not fit together, a value is not finite, or the heights do not grow or
             leave a gap.
 
     Example:
-        >>> series = ImageSeries(np.zeros((2, 4, 4), np.int16), ImageGrid(4, 4, 0.8), (0.0, 3.0), "water")
-        >>> series.slice_spacing
-        3.0
+        >>> series = ImageSeries(np.zeros((2, 4, 4), np.int16), ImageGrid(4, 4, 0.8), (10.0, 13.0), "water")
+        >>> series.grid.slice_spacing, series.grid.z
+        (3.0, 11.5)
     """
 
     image_hu: Int16[np.ndarray, "slices rows cols"] | Float32[np.ndarray, "slices rows cols"]
-    grid: ImageGrid
+    plane: ImageGrid
     z: tuple[float, ...]
     description: str
+    slice_thickness: float | None = None
 
     def __post_init__(self) -> None:
-        expected = (len(self.z), *self.grid.shape)
+        expected = (len(self.z), *self.plane.shape)
         if self.image_hu.shape != expected:
             raise ValueError(f"{len(self.z)} slices on this grid have the shape {expected}, got {self.image_hu.shape}.")
         if self.image_hu.dtype.kind == "f" and not np.isfinite(self.image_hu).all():
@@ -55,9 +57,17 @@ class ImageSeries:
         check_heights(self.z)
 
     @property
-    def slice_spacing(self) -> float:
-        """Mean distance between neighbouring slices, mm; 0 if there is only one slice."""
-        return (self.z[-1] - self.z[0]) / max(len(self.z) - 1, 1)
+    def grid(self) -> VolumeGrid:
+        """Where the pixels are, with the mean distance of neighbouring slices.
+
+        Raises:
+            ValueError: If there is one slice alone, and no thickness is known.
+        """
+        slices, (low, high) = len(self.z), (self.z[0], self.z[-1])
+        spacing = (high - low) / (slices - 1) if slices > 1 else self.slice_thickness
+        if spacing is None:
+            raise ValueError(f"The thickness of the only slice, at z = {low:g} mm, is not known; give slice_thickness.")
+        return VolumeGrid(self.plane, slices, spacing, (low + high) / 2)
 
 
 def check_heights(z: Sequence[float]) -> None:
@@ -131,7 +141,8 @@ def read_volume(
             raise ValueError(f"{name} must be a positive length in mm, got {spacing}.")
     volume = load_array(path)
     slices = len(volume) if volume.ndim else 0
-    return _series(path, volume, (np.arange(slices) - (slices - 1) / 2) * slice_spacing, pixel_spacing)
+    heights = (np.arange(slices) - (slices - 1) / 2) * slice_spacing
+    return _series(path, volume, heights, pixel_spacing, slice_spacing)
 
 
 def tidy_hu(values: NDArray[Any]) -> NDArray[np.int16] | NDArray[np.float32]:
@@ -168,7 +179,13 @@ def _read_described(path: PathLike) -> ImageSeries:
     return _series(path, volume, z, between_rows)
 
 
-def _series(path: PathLike, volume: NDArray[Any], z: NDArray[Any], pixel_spacing: float) -> ImageSeries:
+def _series(
+    path: PathLike,
+    volume: NDArray[Any],
+    z: NDArray[Any],
+    pixel_spacing: float,
+    slice_thickness: float | None = None,
+) -> ImageSeries:
     if volume.ndim != 3 or volume.size == 0:
         raise FileFormatError(f"{path}: a volume [slices, rows, cols] was needed, got the shape {volume.shape}.")
     if volume.min() >= -20 and volume.max() <= 20:
@@ -179,9 +196,8 @@ def _series(path: PathLike, volume: NDArray[Any], z: NDArray[Any], pixel_spacing
     if len(z) > 1 and z[0] > z[-1]:
         volume, z = volume[::-1], z[::-1]
     try:
-        grid = ImageGrid(volume.shape[1], volume.shape[2], float(pixel_spacing))
-        return ImageSeries(
-            tidy_hu(volume), grid, tuple(z.astype(np.float64).tolist()), "CT volume from a file of numpy"
-        )
+        plane = ImageGrid(volume.shape[1], volume.shape[2], float(pixel_spacing))
+        heights = tuple(z.astype(np.float64).tolist())
+        return ImageSeries(tidy_hu(volume), plane, heights, "CT volume from a file of numpy", slice_thickness)
     except ValueError as error:
         raise FileFormatError(f"{path}: {error}") from error

@@ -1,6 +1,6 @@
 """Bodies made of a patient's own CT images."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -50,7 +50,7 @@ class CTBody(Body):
     where both are averaged, there is less noise to begin with.
 
     Args:
-        series: The images.
+        series: The images; the middle of their pixels becomes (0, 0), wherever the scanner had it.
         denoise: What smooths each slice, on the grid of the images, before HU are turned into materials; None
             leaves the noise in.
 
@@ -59,7 +59,7 @@ class CTBody(Body):
         >>> body = CTBody(series)
         >>> body.extent
         (0.0, 3.0)
-        >>> body.slice(1.5, series.grid).fractions[:, 0, 0]
+        >>> body.slice(1.5, series.plane).fractions[:, 0, 0]
         tensor([0.0000, 0.0000, 0.3600, 0.6400, 0.0000])
     """
 
@@ -91,7 +91,8 @@ class CTBody(Body):
         image = self._image_at(z)
         if self.denoise is not None:
             image = self.denoise(image)
-        return Phantom(_MATERIALS, _fractions(_resampled(image, self.series.grid, grid)), grid)
+        centred = replace(self.series.plane, center=(0.0, 0.0))
+        return Phantom(_MATERIALS, _fractions(_resampled(image, centred, grid)), grid)
 
     def _image_at(self, z: float) -> Image:
         heights, (low, high) = self.series.z, self.extent

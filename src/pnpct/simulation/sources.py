@@ -64,7 +64,7 @@ def from_files(path: Path, *, size: int = 512, noise_hu: float = 0.0) -> Source:
     if path.is_dir() or path.suffix.lower() == ".npz":
         series = read_dicom_series(path) if path.is_dir() else read_volume(path)
         denoise = NonlocalMeans(noise_hu / 1000) if noise_hu else None
-        side = series.grid.spacing * max(series.grid.shape)
+        side = series.plane.spacing * max(series.plane.shape)
         return _source(CTBody(series, denoise=denoise), side, size)
     if is_phantom(path):
         if noise_hu:
