@@ -26,7 +26,7 @@ def test_from_a_seed_to_numbers(run, tmp_path):
     scan, fbp, pnp, tv = (tmp_path / name for name in ("scan.h5", "fbp.h5", "pnp.nii.gz", "tv.h5"))
     status, out, err = run("simulate", "scan", scan, *SMALL, "--tube-current-ma", "5", "--seed", "3")
     assert (status, err) == (0, "")
-    assert out == f"Wrote {scan}: 120 views of 225 bins, and the truth.\n"
+    assert out == f"Wrote {scan}: 120 views of 225 bins on an arc, and the truth.\n"
     status, out, err = run("info", scan)
     assert (status, err) == (0, "")
     for line in ("pnpct-scan", "seed: 3", "holds: 120 x 225, float32", "source_to_isocenter_mm: 541.0", "spacing_mm"):
@@ -126,7 +126,7 @@ def test_imported_arrays_are_the_scan_they_came_from(run, made, tmp_path):
         ),
     )
     assert (status, err) == (0, "")
-    assert out == f"Wrote {scan}: 120 views of 225 bins.\n"
+    assert out == f"Wrote {scan}: 120 views of 225 bins on an arc.\n"
     imported, simulated = read_scan(scan), read_scan(made / "scan.h5")
     assert imported.geometry == simulated.geometry
     assert torch.equal(imported.counts, simulated.counts)

@@ -259,6 +259,7 @@ def test_a_missing_dataset_is_named(path, name):
         (replace("incident", 0.0), "incident must be positive"),
         (replace("electronic_noise", np.ones(2)), r"must be one number, got the shape \(2,\)"),
         (replace("geometry/view_angles", np.ones((2, 2))), r"view angles must have the shape \(views,\)"),
+        (lambda file: file["geometry"].attrs.update(detector_rows=2), "something is missing .*row_height_mm"),
         (replace("beam_hardening/coefficients", np.ones((7, 2))), "for 7 bins, the scan has 48"),
         (replace("geometry", 1.0), "the group /geometry is missing in this file"),
     ],

@@ -5,7 +5,7 @@ import jaxtyping
 import pytest
 import torch
 
-from pnpct.geometry import FanBeam
+from pnpct.geometry import ConeBeam, Detector, FanBeam, Trajectory
 from pnpct.physics import BeamHardening, Moments, Scan, scan_from_moments, simulate_counts
 
 
@@ -183,3 +183,36 @@ def test_a_dose_that_is_not_positive_is_refused(geometry, moments, dose_fraction
 def test_impossible_moments_are_refused(moments, changes, sentence):
     with pytest.raises(ValueError, match=sentence):
         replace(moments, **changes)
+
+
+CONE = ConeBeam(
+    Trajectory([0.1 * view for view in range(6)], z=[0.5 * view for view in range(6)]),
+    Detector(4, 2.0, rows=3, row_height=1.0),
+    source_to_isocenter=541.0,
+    source_to_detector=949.0,
+)
+
+
+@pytest.mark.parametrize("per", ["number", "bin", "view", "ray"])
+@pytest.mark.parametrize("rows", [False, True])
+def test_a_subset_of_the_views_has_their_counts_and_incident_quanta(geometry, generator, rows, per):
+    geometry = CONE if rows else geometry[:6]
+    ones = (1,) * (len(geometry.shape) - 1)
+    shape = {"number": (), "bin": (geometry.bins,), "view": (6, *ones), "ray": geometry.shape}[per]
+    incident = 900.0 + torch.rand(shape, generator=generator)
+    counts = 500.0 * torch.rand(2, *geometry.shape, generator=generator)
+    part = Scan(counts, incident, 3.0, geometry, mu_water=0.0193)[[4, 1, 1]]
+    assert part.geometry == geometry[[4, 1, 1]]
+    assert torch.equal(part.counts, counts[:, [4, 1, 1]])
+    assert torch.equal(part.incident.expand(part.geometry.shape), incident.expand(geometry.shape)[[4, 1, 1]])
+
+
+def test_counts_of_detector_rows_fit_a_cone_beam_only(geometry):
+    with pytest.raises(ValueError, match=r"end in \(views, rows, bins\) = \(6, 3, 4\), got \(6, 4\)"):
+        Scan(torch.ones(6, 4), torch.tensor(1.0), 0.0, CONE, mu_water=0.0193)
+    with pytest.raises(
+        ValueError, match=r"incident must broadcast to \(views, rows, bins\) = \(6, 3, 4\), got \(6, 1\)"
+    ):
+        Scan(torch.ones(6, 3, 4), torch.ones(6, 1), 0.0, CONE, mu_water=0.0193)
+    with pytest.raises(ValueError, match="for 5 bins, the scan has 4"):
+        Scan(torch.ones(6, 3, 4), torch.tensor(1.0), 0.0, CONE, 0.0193, BeamHardening(torch.ones(5, 2)))

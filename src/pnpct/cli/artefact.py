@@ -62,8 +62,7 @@ def finish_scan(
         OSError: If a file cannot be written.
     """
     write_scan(path, scan, provenance=provenance, truth=truth)
-    views, bins = scan.geometry.shape
-    finish(path, provenance, summary=f"{views} views of {bins} bins{', and the truth' if truth else ''}")
+    finish(path, provenance, summary=f"{scan.geometry}{', and the truth' if truth else ''}")
 
 
 def file_of(array: Path) -> Path:

@@ -1,6 +1,6 @@
 """The images that a denoiser learns from: those of FBP, and those that ADMM shows it."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
 
@@ -58,17 +58,7 @@ def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor,
         raise ValueError(f"The views of a scan are dealt out to at least two parts, got {parts}.")
     if (views := scan.geometry.views) < LEAST_VIEWS * parts:
         raise ValueError(f"{parts} parts of at least {LEAST_VIEWS} views each cannot be made of {views} views.")
-    return torch.stack([fbp_image(_every(scan, first, parts), grid) for first in range(parts)])
-
-
-def _every(scan: Scan, first: int, step: int) -> Scan:
-    """The scan of every view of some step."""
-    chosen, geometry, incident = slice(first, None, step), scan.geometry, scan.incident
-    if incident.ndim > 1 and incident.shape[-2] > 1:
-        incident = incident[..., chosen, :]
-    view_angles, shifts = geometry.view_angles[chosen], geometry.focal_spot_shifts[chosen]
-    part = replace(geometry, view_angles=view_angles, focal_spot_shifts=shifts)
-    return replace(scan, counts=scan.counts[..., chosen, :], incident=incident, geometry=part)
+    return torch.stack([fbp_image(scan[first::parts], grid) for first in range(parts)])
 
 
 @dataclass(frozen=True)

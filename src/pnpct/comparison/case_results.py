@@ -25,7 +25,6 @@ from pnpct.evaluation import (
     texture_patches,
 )
 from pnpct.files import sha256_of
-from pnpct.geometry import FanBeam
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 
@@ -85,7 +84,7 @@ def compare_case(folder: Path, subject: Subject, plan: Plan) -> CaseResults:
         subject.tube_current_ma,
         subject.tube_voltage_kvp,
         Grid(loaded.grid.rows, loaded.grid.cols, loaded.grid.spacing, loaded.grid.center),
-        _in_words(loaded.scan.geometry),
+        str(loaded.scan.geometry),
         _details(evidence),
         {**files, **files_given},
         maps,
@@ -181,7 +180,3 @@ def _details(evidence: Evidence) -> tuple[Detail, ...]:
     top, bottom = (float(torch.quantile(rows.double()[:: 1 + len(rows) // 10**6], q)) for q in (0.25, 0.75))
     left, right = (float(torch.quantile(cols.double()[:: 1 + len(cols) // 10**6], q)) for q in (0.3, 0.65))
     return around(top, left), around(bottom, right)
-
-
-def _in_words(geometry: FanBeam) -> str:
-    return f"{geometry.views} views of {geometry.bins} bins, {geometry.detector} detector"

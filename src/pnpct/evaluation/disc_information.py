@@ -96,7 +96,7 @@ def _projected(
     grid = projector.grid
     discs = [Lesion((float(grid.x[col]), float(grid.y[row]), 0.0), diameter / 2, 1.0) for row, col in places]
     q = projector(torch.stack([lesion_mask([disc], 0.0, grid) for disc in discs]).to(weights.diagonal) / 1000)
-    information: NDArray[np.float64] = (q * weights(q)).double().sum((-2, -1)).cpu().numpy()
+    information: NDArray[np.float64] = (q * weights(q)).double().sum(weights.domain_dims).cpu().numpy()
     return information
 
 

@@ -1,7 +1,7 @@
 """Other data that the same scan could have given: noise drawn anew, and half of the views."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import torch
@@ -136,11 +136,7 @@ def split_views(sinogram: Sinogram, projector: Projector) -> tuple[HalfScan, Hal
     weights = ray_weights(sinogram)
 
     def half(first: int) -> HalfScan:
-        part = replace(
-            geometry,
-            view_angles=geometry.view_angles[first::2],
-            focal_spot_shifts=geometry.focal_spot_shifts[first::2],
-        )
+        part = geometry[first::2]
         return HalfScan(
             Sinogram(sinogram.line_integrals[..., first::2, :], DiagonalWeights(weights[..., first::2, :])),
             Projector(projector.grid, part, mu_water=projector.mu_water, method=projector.method),

@@ -1,51 +1,74 @@
-"""Geometries in our HDF5 files."""
+"""Geometries in our HDF5 files: of a fan beam, or with detector_rows among the attributes of a cone beam."""
+
+from collections.abc import Sequence
 
 import h5py
 import numpy as np
-import torch
+from numpy.typing import NDArray
 
 from pnpct.files.errors import FileFormatError
 from pnpct.files.hdf5 import read_array
-from pnpct.geometry import FanBeam
+from pnpct.geometry import ConeBeam, Detector, FanBeam, Geometry, Trajectory
 
-_LENGTHS = {
-    "source_to_isocenter_mm": "source_to_isocenter",
-    "source_to_detector_mm": "source_to_detector",
-    "bin_width_mm": "bin_width",
-    "detector_offset_bins": "detector_offset",
-}
+_LENGTHS = {"source_to_isocenter_mm": "source_to_isocenter", "source_to_detector_mm": "source_to_detector"}
+_ANGLES = "the focal spot is at (-R sin, R cos) of this angle: at the top for 0, counter-clockwise with growth"
+_HEIGHTS = "height of the nominal focal spot and of the middle of the detector in each view, towards the head"
+_SHIFTS = "shift of the focal spot in each view: towards growing fan angle, away from the isocentre"
 
 
-def write_geometry_group(group: h5py.Group, geometry: FanBeam) -> None:
+def write_geometry_group(group: h5py.Group, geometry: Geometry) -> None:
     """Store a geometry in a group."""
-    group.attrs.update({key: getattr(geometry, name) for key, name in _LENGTHS.items()})
-    group.attrs.update(detector=geometry.detector, bins=geometry.bins)
-    angles = group.create_dataset("view_angles", data=np.asarray(geometry.view_angles))
-    meaning = "the focal spot is at (-R sin, R cos) of this angle: at the top for 0, counter-clockwise with growth"
-    angles.attrs.update(units="rad", description=meaning)
-    if geometry.focal_spot_shifts:
-        shifts = group.create_dataset("focal_spot_shifts", data=np.asarray(geometry.focal_spot_shifts))
-        meaning = "shift of the focal spot in each view: towards growing fan angle, away from the isocentre"
-        shifts.attrs.update(units="mm", description=meaning)
+    cone = geometry.cone_beam if isinstance(geometry, FanBeam) else geometry
+    trajectory, detector = cone.trajectory, cone.detector
+    group.attrs.update({key: getattr(cone, name) for key, name in _LENGTHS.items()})
+    group.attrs.update(bin_width_mm=detector.bin_width, detector_offset_bins=detector.offset)
+    group.attrs.update(detector=detector.kind, bins=detector.bins)
+    _write(group, "view_angles", trajectory.angles, units="rad", description=_ANGLES)
+    shifts = np.asarray(trajectory.focal_spot_shifts).reshape(-1, 3)
+    if isinstance(geometry, FanBeam):
+        _write(group, "focal_spot_shifts", shifts[:, :2], units="mm", description=_SHIFTS)
+        return
+    group.attrs.update(detector_rows=detector.rows, row_height_mm=detector.row_height)
+    group.attrs.update(row_offset_rows=detector.row_offset)
+    _write(group, "z", trajectory.z, units="mm", description=_HEIGHTS)
+    _write(group, "focal_spot_shifts", shifts, units="mm", description=f"{_SHIFTS}, towards growing z")
 
 
-def read_geometry_group(group: h5py.Group) -> FanBeam:
+def _write(group: h5py.Group, name: str, values: Sequence[float] | NDArray[np.float64], **attributes: str) -> None:
+    """Store numbers, if there are any."""
+    if len(values):
+        group.create_dataset(name, data=np.asarray(values)).attrs.update(attributes)
+
+
+def read_geometry_group(group: h5py.Group) -> Geometry:
     """Load what `write_geometry_group` stored.
 
     Raises:
         FileFormatError: If something is missing or does not fit together.
     """
-    shifts = read_array(group, "focal_spot_shifts") if "focal_spot_shifts" in group else torch.zeros(0, 2)
-    angles = read_array(group, "view_angles")
-    if angles.ndim != 1 or shifts.ndim != 2 or shifts.shape[1] != 2:
+    attributes, angles = group.attrs, read_array(group, "view_angles").numpy()
+    of_rows = "detector_rows" in attributes
+    z, shifts = _optional(group, "z", (0,)), _optional(group, "focal_spot_shifts", (0, 3 if of_rows else 2))
+    if angles.ndim != 1 or z.ndim != 1 or shifts.shape[1:] != (3 if of_rows else 2,):
         raise FileFormatError(
-            f"view angles must have the shape (views,) and focal-spot shifts (views, 2), got "
-            f"{tuple(angles.shape)} and {tuple(shifts.shape)}."
+            f"view angles must have the shape (views,), their heights as well, and focal-spot shifts (views, "
+            f"{3 if of_rows else 2}), got {angles.shape}, {z.shape} and {shifts.shape}."
         )
-    return FanBeam(
-        view_angles=angles.tolist(),
-        bins=int(group.attrs["bins"]),
-        detector=group.attrs["detector"],
-        focal_spot_shifts=[(along, away) for along, away in shifts.tolist()],
-        **{name: float(group.attrs[key]) for key, name in _LENGTHS.items()},
+    geometry = ConeBeam(
+        Trajectory(angles, z, [(along, away, *up, 0.0)[:3] for along, away, *up in shifts.tolist()]),
+        Detector(
+            bins=int(attributes["bins"]),
+            bin_width=float(attributes["bin_width_mm"]),
+            offset=float(attributes["detector_offset_bins"]),
+            kind=attributes["detector"],
+            rows=int(attributes["detector_rows"]) if of_rows else 1,
+            row_height=float(attributes["row_height_mm"]) if of_rows else 0.0,
+            row_offset=float(attributes["row_offset_rows"]) if of_rows else 0.0,
+        ),
+        **{name: float(attributes[key]) for key, name in _LENGTHS.items()},
     )
+    return geometry if of_rows else FanBeam.from_cone_beam(geometry)
+
+
+def _optional(group: h5py.Group, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    return read_array(group, name).numpy() if name in group else np.zeros(shape)

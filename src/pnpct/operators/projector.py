@@ -8,7 +8,7 @@ from torch import Tensor
 from typing_extensions import override
 
 from pnpct.arrays import Image, Rays
-from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.geometry import Geometry, ImageGrid, require_fan_beam
 from pnpct.operators.cpu_projector import CpuProjector
 from pnpct.operators.linear_operator import LinearOperator
 from pnpct.operators.ray_lines import Method, ray_lines
@@ -32,18 +32,19 @@ class Projector(LinearOperator):
 
     Args:
         grid: Where the pixels are.
-        geometry: Where the rays are.
+        geometry: Where the rays are: a fan beam; there is no projector of a cone beam.
         mu_water: Attenuation of water at the effective energy, 1/mm, > 0; 1 gives path lengths in mm.
         method: "distance-driven", free of aliasing at every pixel size, or "joseph", a little faster.
 
     Raises:
-        ValueError: If no ray meets the image, the focal spot would be inside it, or `mu_water` is not positive.
+        ValueError: If no ray meets the image, the focal spot would be inside it, `mu_water` is not positive, or the
+            geometry is a cone beam.
 
     References:
         De Man and Basu, Phys. Med. Biol. 49 (2004) 2463; Joseph, IEEE Trans. Med. Imaging 1 (1982) 192.
 
     Example:
-        >>> from pnpct.geometry import evenly_spaced_views
+        >>> from pnpct.geometry import FanBeam, evenly_spaced_views
         >>> geometry = FanBeam(evenly_spaced_views(4), bins=3, source_to_isocenter=500.0, source_to_detector=1000.0,
         ...                    bin_width=20.0)
         >>> projector = Projector(ImageGrid(64, 64, spacing=1.0), geometry, mu_water=0.02)
@@ -54,7 +55,7 @@ class Projector(LinearOperator):
     def __init__(
         self,
         grid: ImageGrid,
-        geometry: FanBeam,
+        geometry: Geometry,
         *,
         mu_water: float = MU_WATER_70_KEV,
         method: Method = "distance-driven",
@@ -63,9 +64,9 @@ class Projector(LinearOperator):
             raise ValueError(f"The attenuation of water must be positive, in 1/mm, got {mu_water}.")
         if method not in ("distance-driven", "joseph"):
             raise ValueError(f'The projector method is "distance-driven" or "joseph", got "{method}".')
-        self.grid, self.geometry, self.mu_water, self.method = grid, geometry, mu_water, method
+        self.grid, self.geometry, self.mu_water, self.method = grid, require_fan_beam(geometry), mu_water, method
         self.domain_shape, self.range_shape = grid.shape, geometry.shape
-        self._tables = ray_lines(grid, geometry, method)
+        self._tables = ray_lines(grid, self.geometry, method)
         self._kernels = lru_cache(maxsize=4)(self._make_kernels)
 
     @override

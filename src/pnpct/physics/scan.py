@@ -1,15 +1,15 @@
 """Scans: what the detector counted, and how to draw it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pnpct.arrays import Rays
-from pnpct.geometry import FanBeam
+from pnpct.arrays import ConeRays, Rays
+from pnpct.geometry import FanBeam, Geometry, Views, view_numbers
 from pnpct.operators.threads import parallel
 from pnpct.physics.beam_hardening import BeamHardening
 from pnpct.physics.noise_kernels import draw_counts
@@ -20,7 +20,10 @@ LOWEST_COUNT = -8.0
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """What a scanner measured of one slice, or of a batch of slices with one geometry.
+    """What a scanner measured with one geometry: a slice, or what several detector rows saw of a patient.
+
+    A batch are noise realisations, or objects that have nothing to do with each other. `scan[...]` is the scan of a
+    subset of the views.
 
     Counts are in quanta: the unit in which the variance of a ray without object and electronic noise is its
     mean. A detector that counts photons has them; for one that integrates energy a quantum is ⟨E²⟩/⟨E⟩ of the
@@ -30,7 +33,7 @@ class Scan:
     Args:
         counts: What each ray counted, quanta.
         incident: What each ray would have counted without object, quanta, > 0: one number, one per bin, one
-            per view as (views, 1), or one per ray.
+            per view as (views, 1), or one per ray; with detector rows whatever broadcasts to (views, rows, bins).
         electronic_noise: Standard deviation of the electronic noise of a count, quanta, ≥ 0.
         geometry: Where the rays are.
         mu_water: Attenuation of water at the effective energy (after the beam-hardening correction), 1/mm.
@@ -49,10 +52,10 @@ class Scan:
         1000.0
     """
 
-    counts: Rays
+    counts: Rays | ConeRays
     incident: Float[Tensor, "..."]
     electronic_noise: float
-    geometry: FanBeam
+    geometry: Geometry
     mu_water: float
     beam_hardening: BeamHardening | None = None
 
@@ -62,11 +65,12 @@ class Scan:
                 f"Counts and incident must be floating-point arrays, got {self.counts.dtype} and "
                 f"{self.incident.dtype}; convert them with .float()."
             )
-        shape = self.geometry.shape
-        if tuple(self.counts.shape[-2:]) != shape:
-            raise ValueError(f"Counts must end in (views, bins) = {shape}, got {tuple(self.counts.shape)}.")
+        shape: tuple[int, ...] = self.geometry.shape
+        axes = "(views, bins)" if len(shape) == 2 else "(views, rows, bins)"
+        if tuple(self.counts.shape[self.counts.ndim - len(shape) :]) != shape:
+            raise ValueError(f"Counts must end in {axes} = {shape}, got {tuple(self.counts.shape)}.")
         if not _broadcasts(self.incident, shape):
-            raise ValueError(f"incident must broadcast to (views, bins) = {shape}, got {tuple(self.incident.shape)}.")
+            raise ValueError(f"incident must broadcast to {axes} = {shape}, got {tuple(self.incident.shape)}.")
         _positive("incident", self.incident)
         _not_negative("electronic_noise", self.electronic_noise)
         if not (math.isfinite(self.mu_water) and self.mu_water > 0):
@@ -77,6 +81,17 @@ class Scan:
                 f"The beam-hardening correction is for {self.beam_hardening.coefficients.shape[0]} bins, the "
                 f"scan has {self.geometry.bins}."
             )
+
+    def __getitem__(self, views: Views) -> "Scan":
+        numbers = torch.from_numpy(view_numbers(views, self.geometry.views)).to(self.counts.device)
+        axis = -len(self.geometry.shape)
+        per_view = self.incident.ndim >= -axis and self.incident.shape[axis] > 1
+        return replace(
+            self,
+            counts=self.counts.index_select(axis, numbers),
+            incident=self.incident.index_select(axis, numbers.to(self.incident.device)) if per_view else self.incident,
+            geometry=self.geometry[views],
+        )
 
 
 @dataclass(frozen=True, eq=False)

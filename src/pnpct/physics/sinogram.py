@@ -10,8 +10,8 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pnpct.arrays import Rays
-from pnpct.geometry import FanBeam
+from pnpct.arrays import ConeRays, Rays
+from pnpct.geometry import Geometry, require_fan_beam
 from pnpct.physics.scan import Scan
 from pnpct.physics.weights import DiagonalWeights, Weights
 
@@ -28,7 +28,7 @@ class Sinogram:
         ValueError: If a line integral is not finite, or the weights are for other rays.
     """
 
-    line_integrals: Rays
+    line_integrals: Rays | ConeRays
     weights: Weights
 
     def __post_init__(self) -> None:
@@ -37,11 +37,9 @@ class Sinogram:
             raise ValueError(
                 f"Line integrals must be finite, but {broken} of {self.line_integrals.numel()} are NaN or infinite."
             )
-        if tuple(self.line_integrals.shape[-2:]) != self.weights.range_shape:
-            raise ValueError(
-                f"The weights are for (views, bins) = {self.weights.range_shape}, the line integrals have "
-                f"the shape {tuple(self.line_integrals.shape)}."
-            )
+        shape, needed = tuple(self.line_integrals.shape), self.weights.range_shape
+        if shape[len(shape) - len(needed) :] != needed:
+            raise ValueError(f"The weights are for rays of the shape {needed}, the line integrals have {shape}.")
 
 
 def take_log(
@@ -81,7 +79,7 @@ def take_log(
         Line integrals, dimensionless, and weights, 1/variance for "statistical".
 
     Raises:
-        ValueError: If an option is out of its range.
+        ValueError: If an option is out of its range, or the counts of a cone beam shall be smoothed.
 
     References:
         Thibault et al., Proc. SPIE 6065 (2006) 60650X: positive counts by local averaging, electronic noise
@@ -114,7 +112,8 @@ def take_log(
     if scan.beam_hardening is not None:
         slope = scan.beam_hardening.slope((incident / above).log())
         line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
-    return Sinogram(line_integrals, DiagonalWeights(equivalent if weight == "statistical" else torch.ones_like(counts)))
+    values = equivalent if weight == "statistical" else torch.ones_like(counts)
+    return Sinogram(line_integrals, DiagonalWeights(values, scan.geometry.shape))
 
 
 def _noise_equivalent(counts: Tensor, electronic_noise: float) -> Tensor:
@@ -128,10 +127,11 @@ def _extended_log(counts: Tensor, start: float) -> Tensor:
     return counts.clamp_min(start).log() + (counts / start - 1).clamp_max(0.0)
 
 
-def _smooth(transmission: Rays, geometry: FanBeam, smoothing: float) -> Rays:
+def _smooth(transmission: Rays | ConeRays, geometry: Geometry, smoothing: float) -> Rays | ConeRays:
     """Gaussian means over neighbours; as matrices, so that views may come in any order and with gaps."""
     if smoothing == 0:
         return transmission
+    geometry = require_fan_beam(geometry)
     angles = np.asarray(geometry.view_angles)
     apart = (angles[:, None] - angles + np.pi) % (2 * np.pi) - np.pi
     steps = np.diff(np.unique((angles % (2 * np.pi)).round(9)))

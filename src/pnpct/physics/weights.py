@@ -11,8 +11,8 @@ from scipy.linalg import lapack
 from torch import Tensor
 from typing_extensions import override
 
-from pnpct.arrays import Rays
-from pnpct.operators.linear_operator import LinearOperator
+from pnpct.arrays import ConeRays, Rays
+from pnpct.operators.linear_operator import LinearOperator, Shape
 
 
 @final
@@ -22,9 +22,10 @@ class DiagonalWeights(LinearOperator):
     Args:
         values: 1/variance of each ray, ≥ 0; 0 leaves a ray out. A batch of rays meets a batch of weights one
             by one.
+        rays: Shape of the rays without a batch, that of their geometry; views and bins if it is not given.
 
     Raises:
-        ValueError: If a weight is negative or not finite, or all are zero.
+        ValueError: If a weight is negative or not finite, all are zero, or they are not for these rays.
 
     Example:
         >>> weights = DiagonalWeights(torch.tensor([[4.0, 0.0]]))
@@ -32,7 +33,7 @@ class DiagonalWeights(LinearOperator):
         ([[4.0, 0.0]], [[2.0, 0.0]])
     """
 
-    def __init__(self, values: Rays) -> None:
+    def __init__(self, values: Rays | ConeRays, rays: Shape | None = None) -> None:
         unusable = ~(values.isfinite() & (values >= 0))
         if bool(unusable.any()):
             raise ValueError(
@@ -42,10 +43,12 @@ class DiagonalWeights(LinearOperator):
         if not bool((values > 0).any()):
             raise ValueError("Weights need at least one ray that counts, but all are zero.")
         self.values = values
-        self.domain_shape = self.range_shape = tuple(values.shape[-2:])
+        self.domain_shape = self.range_shape = tuple(values.shape[-2:]) if rays is None else rays
+        if tuple(values.shape[values.ndim - len(self.domain_shape) :]) != self.domain_shape:
+            raise ValueError(f"The weights must end in {self.domain_shape}, got {tuple(values.shape)}.")
 
     @property
-    def diagonal(self) -> Rays:
+    def diagonal(self) -> Rays | ConeRays:
         """The weight of each ray."""
         return self.values
 
@@ -55,16 +58,16 @@ class DiagonalWeights(LinearOperator):
         return self
 
     @override
-    def forward(self, x: Rays) -> Rays:
+    def forward(self, x: Rays | ConeRays) -> Rays | ConeRays:
         """Return W x."""
         return self.values * x
 
     @override
-    def adjoint(self, y: Rays) -> Rays:
+    def adjoint(self, y: Rays | ConeRays) -> Rays | ConeRays:
         """Return Wᵀ y = W y."""
         return self.forward(y)
 
-    def whiten(self, rays: Rays) -> Rays:
+    def whiten(self, rays: Rays | ConeRays) -> Rays | ConeRays:
         """Return √W x: noise of covariance W⁻¹ becomes noise of covariance one. whitenᵀ whiten = W."""
         return self.values.sqrt() * rays
 
