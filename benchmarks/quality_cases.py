@@ -11,10 +11,9 @@ from scipy import ndimage
 from pnpct.arrays import Image
 from pnpct.evaluation import soft_tissue_mask
 from pnpct.files import ExposedSlice, read_exposure, record_run, write_exposures
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, Lesion
 from pnpct.physics import Exposure, Moments
 from pnpct.simulation import (
-    Lesion,
     as_exposure,
     clinical_fan_beam,
     made_up,

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,3 +21,14 @@ def test_the_paper_is_a_file(file: str):
 def test_the_package_imports_nothing_at_its_root():
     lines = (ROOT / "src/pnpct/__init__.py").read_text().splitlines()
     assert [line for line in lines if line.startswith(("import", "from"))] == ["from importlib.metadata import version"]
+
+
+def test_mathematics_loads_no_file_formats_and_no_command_line():
+    packages = ("geometry", "operators", "physics", "denoisers", "reconstruction", "evaluation")
+    program = f"""
+import sys
+{"".join(f"import pnpct.{package};" for package in packages)}
+print(*{{"h5py", "pydicom", "nibabel", "PIL", "rich", "tyro"}} & sys.modules.keys())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

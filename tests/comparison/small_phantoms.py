@@ -5,8 +5,7 @@ from pathlib import Path
 from pnpct.comparison import Phantoms, PhantomTests, Plan
 from pnpct.denoisers import RDNCBAM, RDNSize
 from pnpct.files import save_network
-from pnpct.geometry import ImageGrid
-from pnpct.simulation import Insert
+from pnpct.geometry import ImageGrid, Insert
 
 INSERTS = (Insert(20.0, -60.0, (45.0, 45.0)), Insert(28.0, -40.0, (-45.0, -45.0)))
 EDGE = Insert(40.0, -400.0, (0.0, 0.0))

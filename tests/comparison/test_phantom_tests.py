@@ -6,8 +6,7 @@ import torch
 from small_phantoms import EDGE, INSERTS, PHANTOMS, TESTS
 
 from pnpct.comparison import PhantomTests
-from pnpct.geometry import ImageGrid
-from pnpct.simulation import Insert
+from pnpct.geometry import ImageGrid, Insert
 
 
 def test_inserts_are_looked_for_beyond_the_full_dose() -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+from pnpct.geometry import FanBeam, ImageGrid, disc_mask, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 
@@ -56,6 +56,10 @@ def low_dose_slice(size: int = 64) -> Slice:
         + 0.06 * ellipse((20.0, 0.0), 6.0, 6.0)
     )
     return Slice(Projector(grid, geometry), truth, ellipse((0.0, 0.0), 118.0, 83.0) > 0)
+
+
+def disc(center: tuple[float, float], radius: float, grid: ImageGrid) -> torch.Tensor:
+    return torch.from_numpy(disc_mask(center, radius, grid)).float()
 
 
 def pixel_at(grid: ImageGrid, position: tuple[float, float]) -> tuple[int, int]:

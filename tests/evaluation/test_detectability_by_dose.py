@@ -12,11 +12,11 @@ from pnpct.evaluation import (
     detectability_by_dose,
     dose_curves,
 )
-from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.geometry import FanBeam, ImageGrid, Insert
 from pnpct.operators import Projector
 from pnpct.physics import Exposure, Moments, Sinogram
 from pnpct.reconstruction import fbp
-from pnpct.simulation import Insert, low_contrast_phantom, truth
+from pnpct.simulation import low_contrast_phantom, truth
 from pnpct.units import MU_WATER_70_KEV
 
 INSERTS = (

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from low_dose_slice import Slice, low_dose_slice, pixel_at
+from low_dose_slice import Slice, disc, low_dose_slice, pixel_at
 
 from pnpct.denoisers import Gaussian, TotalVariation
 from pnpct.evaluation import (
@@ -16,15 +16,14 @@ from pnpct.evaluation import (
     rmse_hu,
     task_transfer,
 )
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, Lesion
 from pnpct.operators import Kernel
 from pnpct.physics import BandedWeights, Sinogram
 from pnpct.reconstruction import fbp, reconstruct
-from pnpct.simulation import Lesion, lesion_mask
 
 SLICE = low_dose_slice()
 LESION = Lesion((32.5, -22.5, 7.0), radius=12.0, contrast_hu=-60.0)
-CHANGE = LESION.contrast_hu / 1000 * lesion_mask([LESION], 7.0, SLICE.grid)
+CHANGE = LESION.contrast_hu / 1000 * disc(LESION.center[:2], LESION.radius, SLICE.grid)
 
 
 def test_a_perfect_image_has_all_of_the_lesion_and_nothing_else() -> None:
@@ -82,7 +81,7 @@ def test_a_twin_scan_and_an_insertion_agree() -> None:
 def test_fbp_recovers_what_its_transfer_lets_through(kernel: Kernel) -> None:
     """E15, for FBP: within 0.05 of the band-limited disc."""
     fine = low_dose_slice(128)
-    edge = lesion_mask([Lesion((0.0, 0.0, 0.0), 30.0, 1.0)], 0.0, fine.grid)
+    edge = disc((0.0, 0.0), 30.0, fine.grid)
     transfer = task_transfer(
         fbp(fine.projector(0.1 * edge), fine.projector, kernel=kernel)[None],
         grid=fine.grid,
@@ -92,7 +91,7 @@ def test_fbp_recovers_what_its_transfer_lets_through(kernel: Kernel) -> None:
     f = np.linspace(0.0, 0.4, 4001)
     for diameter in (6.0, 8.0, 12.0, 16.0):
         lesion = Lesion((20.0, -10.0, 0.0), diameter / 2, 50.0)
-        line_integrals = fine.projector(0.05 * lesion_mask([lesion], 0.0, fine.grid))
+        line_integrals = fine.projector(0.05 * disc(lesion.center[:2], lesion.radius, fine.grid))
         image = fbp(line_integrals, fine.projector, kernel=kernel)
         found = lesion_recovery(image, torch.zeros_like(image), lesion, fine.grid)
         # Mean of the band-limited disc over the core: ∫ disc · transfer · core, all radial.
@@ -112,7 +111,7 @@ def noisy_fbp(fine: Slice, data: Sinogram, *, images: int) -> dict[Kernel, torch
 
 def best_d_prime(fine: Slice, without: dict[Kernel, torch.Tensor], lesion: Lesion) -> float:
     """The highest d′ of the Hotelling observer over the kernels of FBP, which is linear."""
-    line_integrals = fine.projector(lesion.contrast_hu / 1000 * lesion_mask([lesion], 0.0, fine.grid))
+    line_integrals = fine.projector(lesion.contrast_hu / 1000 * disc(lesion.center[:2], lesion.radius, fine.grid))
     row, col = pixel_at(fine.grid, lesion.center[:2])
     reach = int(2 * lesion.radius / fine.grid.spacing) + 1
     values = []

@@ -1,9 +1,8 @@
 import pytest
 import torch
-from low_dose_slice import low_dose_slice
+from low_dose_slice import disc, low_dose_slice
 
 from pnpct.evaluation import prior_sweep, score_test
-from pnpct.simulation import Lesion, lesion_mask
 
 SLICE = low_dose_slice()
 TEST = score_test(SLICE.truth, SLICE.sinogram(), SLICE.projector, diameter=15.0)
@@ -11,8 +10,7 @@ PLACE = (32.5, -22.5)
 
 
 def invented(contrast_hu: float, radius: float = 30.0) -> torch.Tensor:
-    lesion = Lesion((*PLACE, 0.0), radius, contrast_hu)
-    return SLICE.truth + contrast_hu / 1000 * lesion_mask([lesion], 0.0, SLICE.grid)
+    return SLICE.truth + contrast_hu / 1000 * disc(PLACE, radius, SLICE.grid)
 
 
 def test_what_only_a_strong_prior_shows_is_found_in_units_of_what_can_be_verified() -> None:

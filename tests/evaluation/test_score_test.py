@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from low_dose_slice import disc as disc_at
 from low_dose_slice import low_dose_slice, pixel_at
 
 from pnpct.denoisers import TotalVariation
@@ -11,7 +12,6 @@ from pnpct.evaluation.disc_information import disc_information
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import reconstruct
-from pnpct.simulation import Lesion, lesion_mask
 
 SLICE = low_dose_slice()
 GRID, PROJECTOR = SLICE.grid, SLICE.projector
@@ -20,7 +20,7 @@ AT = pixel_at(GRID, PLACE)
 
 
 def disc(diameter: float, position: tuple[float, float] = PLACE) -> torch.Tensor:
-    return lesion_mask([Lesion((*position, 0.0), diameter / 2, 1.0)], 0.0, GRID)
+    return disc_at(position, diameter / 2, GRID)
 
 
 @pytest.mark.parametrize("diameter", [12.0, 20.0])

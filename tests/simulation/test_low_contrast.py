@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+from pnpct.geometry import FanBeam, ImageGrid, Insert, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 from pnpct.reconstruction import fbp
 from pnpct.simulation import expose, low_contrast_phantom, scanner_beam, truth
-from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE, Insert
+from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE
 
 GRID = ImageGrid(420, 420, spacing=0.5)
 
@@ -79,10 +79,6 @@ def test_a_scan_shows_the_contrast_at_the_effective_energy() -> None:
 
 
 def test_what_cannot_be_made_is_refused() -> None:
-    with pytest.raises(ValueError, match="positive length"):
-        Insert(0.0, 3.0, (0.0, 0.0))
-    with pytest.raises(ValueError, match="must be finite"):
-        Insert(3.0, math.nan, (0.0, 0.0))
     with pytest.raises(ValueError, match="from -1000 to 74 HU at 70 keV, got 90"):
         low_contrast_phantom(GRID, inserts=[Insert(3.0, 90.0, (0.0, 0.0))])
     with pytest.raises(ValueError, match="inside the phantom"):

@@ -13,10 +13,10 @@ from pnpct.comparison.candidates import Candidate, filtered
 from pnpct.comparison.honesty import Evidence
 from pnpct.comparison.results import Check, LesionResult, Verdict
 from pnpct.evaluation import insert_lesion, lesion_recovery, rmse_hu
+from pnpct.geometry import Lesion
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction import FBP
-from pnpct.simulation import Lesion
 from pnpct.units import to_hu
 
 RECOVERED = (0.8, 1.1)

@@ -20,7 +20,7 @@ from pnpct.evaluation import (
     dose_curves,
     dose_reduction,
 )
-from pnpct.simulation import Insert
+from pnpct.geometry import Insert
 
 HOTELLING: Literal["channelised Hotelling"] = "channelised Hotelling"
 

@@ -7,17 +7,10 @@ from functools import lru_cache
 from typing import Any
 
 from pnpct.evaluation.detectability_by_dose import READER
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, Insert
 from pnpct.operators import Kernel
 from pnpct.physics import Exposure
-from pnpct.simulation import (
-    Insert,
-    as_exposure,
-    clinical_fan_beam,
-    low_contrast_phantom,
-    scanner_beam,
-    simulate_moments,
-)
+from pnpct.simulation import as_exposure, clinical_fan_beam, low_contrast_phantom, scanner_beam, simulate_moments
 
 INSERTS = (
     Insert(diameter=6.0, contrast_hu=-40.0, center=(40.0, 40.0)),

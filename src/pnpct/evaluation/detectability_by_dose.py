@@ -19,9 +19,8 @@ from pnpct.evaluation.dose import DoseCurve
 from pnpct.evaluation.intervals import Interval
 from pnpct.evaluation.realisations import Reconstruct
 from pnpct.evaluation.visual_task import EyeFilter, Spectrum
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, Insert, disc_mask
 from pnpct.physics import Exposure, take_log
-from pnpct.simulation import Insert, Lesion, lesion_mask
 
 READER = EyeFilter(distance=500.0, zoom=1.0)
 """Half a metre from a screen that shows the image in its true size."""
@@ -227,7 +226,7 @@ def _judge(
     random: np.random.Generator,
 ) -> InsertDetectability:
     patch, (x, y) = scans.patch_grid(insert), insert.center
-    disc = lesion_mask([Lesion((x, y, 0.0), insert.diameter / 2, 0.0)], 0.0, patch).double()
+    disc = torch.from_numpy(disc_mask(insert.center, insert.diameter / 2, patch))
     difference = present.double().mean(0) - absent.double().mean(0)
     distance = np.hypot(patch.x[None, :] - x, patch.y[:, None] - y)
     rings = torch.from_numpy((distance / patch.spacing).round().astype(np.int64))

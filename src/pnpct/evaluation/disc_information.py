@@ -8,10 +8,9 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, disc_mask
 from pnpct.operators import Projector
 from pnpct.physics import Weights
-from pnpct.simulation import Lesion, lesion_mask
 
 _PLACES = 6
 """Along each side, where discs are projected."""
@@ -28,8 +27,7 @@ def disc_template(diameter: float, spacing: float) -> Float[Tensor, "side side"]
         spacing: Distance between pixels, mm, > 0.
     """
     side = 2 * math.ceil(diameter / 2 / spacing + 0.5) + 1
-    disc = Lesion((0.0, 0.0, 0.0), radius=diameter / 2, contrast_hu=1.0)
-    return lesion_mask([disc], 0.0, ImageGrid(side, side, spacing=spacing))
+    return torch.from_numpy(disc_mask((0.0, 0.0), diameter / 2, ImageGrid(side, side, spacing=spacing))).float()
 
 
 def sum_around(image: Float[Tensor, "rows cols"], template: Float[Tensor, "side side"]) -> Float[Tensor, "rows cols"]:
@@ -94,8 +92,8 @@ def _projected(
     weights: Weights, projector: Projector, diameter: float, places: list[tuple[int, int]]
 ) -> NDArray[np.float64]:
     grid = projector.grid
-    discs = [Lesion((float(grid.x[col]), float(grid.y[row]), 0.0), diameter / 2, 1.0) for row, col in places]
-    q = projector(torch.stack([lesion_mask([disc], 0.0, grid) for disc in discs]).to(weights.diagonal) / 1000)
+    discs = np.stack([disc_mask((grid.x[col], grid.y[row]), diameter / 2, grid) for row, col in places])
+    q = projector(torch.from_numpy(discs / 1000).to(weights.diagonal))
     information: NDArray[np.float64] = (q * weights(q)).double().sum(weights.domain_dims).cpu().numpy()
     return information
 

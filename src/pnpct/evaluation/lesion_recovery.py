@@ -8,10 +8,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.evaluation.realisations import Reconstruct, ray_weights
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, Lesion, disc_mask
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
-from pnpct.simulation import Lesion, lesion_mask
 
 CORE = 0.6
 """Radius of the core over that of the lesion: away from the blur of its edge."""
@@ -67,8 +66,8 @@ def insert_lesion(sinogram: Sinogram, projector: Projector, lesion: Lesion) -> S
     """
     _check_inside(lesion, projector.grid)
     weights = ray_weights(sinogram)
-    shape = lesion_mask([lesion], lesion.center[2], projector.grid).to(sinogram.line_integrals)
-    added = projector(lesion.contrast_hu / 1000 * shape)
+    disc = torch.from_numpy(disc_mask(lesion.center[:2], lesion.radius, projector.grid))
+    added = projector((lesion.contrast_hu / 1000 * disc).to(sinogram.line_integrals))
     return Sinogram(sinogram.line_integrals + added, DiagonalWeights(weights * torch.exp(-added)))
 
 
@@ -99,7 +98,7 @@ def lesion_recovery(
         raise ValueError("A lesion without contrast cannot be recovered; give it some HU.")
     _check_inside(lesion, grid)
     change = 1000 * (present.detach() - absent.detach()).double().cpu()
-    x, y, z = lesion.center
+    x, y, _ = lesion.center
     away = torch.from_numpy(((grid.x[None, :] - x) ** 2 + (grid.y[:, None] - y) ** 2) ** 0.5)
     distant = away > lesion.radius + DISTANT
     if not bool(distant.any()):
@@ -109,7 +108,7 @@ def lesion_recovery(
         )
 
     def disc(factor: float) -> Tensor:
-        return lesion_mask([Lesion((x, y, z), factor * lesion.radius, 1.0)], z, grid).double()
+        return torch.from_numpy(disc_mask((x, y), factor * lesion.radius, grid))
 
     core, ring = disc(CORE), disc(RING[1]) - disc(RING[0])
     return LesionRecovery(

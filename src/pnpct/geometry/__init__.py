@@ -1,9 +1,10 @@
-"""Where the pixels, the focal spot and the detector cells are. Millimetres and radians; no torch needed."""
+"""Where the pixels, the focal spot, the detector cells and lesions are. Millimetres and radians; no torch needed."""
 
 from pnpct.geometry.cone_beam import ConeBeam
 from pnpct.geometry.detector import Detector
 from pnpct.geometry.fan_beam import FanBeam, Geometry, require_fan_beam
 from pnpct.geometry.image_grid import ImageGrid
+from pnpct.geometry.lesions import Insert, Lesion, disc_mask, lesion_mask
 from pnpct.geometry.trajectory import Trajectory, Views, evenly_spaced_views, view_numbers
 from pnpct.geometry.volume_grid import Grid, VolumeGrid, require_image_grid
 
@@ -14,10 +15,14 @@ __all__ = [
     "Geometry",
     "Grid",
     "ImageGrid",
+    "Insert",
+    "Lesion",
     "Trajectory",
     "Views",
     "VolumeGrid",
+    "disc_mask",
     "evenly_spaced_views",
+    "lesion_mask",
     "require_fan_beam",
     "require_image_grid",
     "view_numbers",

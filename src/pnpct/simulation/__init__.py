@@ -14,8 +14,8 @@ from pnpct.simulation.body import Body
 from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
 from pnpct.simulation.ct_body import CTBody
 from pnpct.simulation.dataset import simulate_dataset
-from pnpct.simulation.lesions import Lesion, lesion_mask, with_lesions
-from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE, Insert, low_contrast_phantom
+from pnpct.simulation.lesions import with_lesions
+from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE, low_contrast_phantom
 from pnpct.simulation.materials import MATERIALS, Material, attenuation
 from pnpct.simulation.phantom import Phantom, relative_attenuation, truth
 from pnpct.simulation.recipe import Recipe, Simulator, plan
@@ -44,8 +44,6 @@ __all__ = [
     "CTBody",
     "CatSimSampling",
     "Detector",
-    "Insert",
-    "Lesion",
     "Material",
     "Phantom",
     "Recipe",
@@ -67,7 +65,6 @@ __all__ = [
     "fingerprint",
     "from_files",
     "head_body",
-    "lesion_mask",
     "low_contrast_phantom",
     "made_up",
     "moments_behind",

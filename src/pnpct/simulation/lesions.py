@@ -1,6 +1,5 @@
-"""Lesions of known contrast, size and place, put into any body."""
+"""Put lesions of known contrast, size and place into any body."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,41 +7,11 @@ import numpy as np
 import torch
 from typing_extensions import override
 
-from pnpct.arrays import Image
-from pnpct.geometry import ImageGrid
-from pnpct.simulation.anatomy.shapes import Point
+from pnpct.geometry import ImageGrid, Lesion, lesion_mask
 from pnpct.simulation.body import Body
 from pnpct.simulation.phantom import Phantom, relative_attenuation
 
 _ENERGY = 70.0  # keV, as in `truth`
-
-
-@dataclass(frozen=True)
-class Lesion:
-    """A sphere that is brighter or darker than what is there without it.
-
-    Args:
-        center: Its middle x, y and z, mm.
-        radius: mm, > 0.
-        contrast_hu: What it adds at 70 keV, HU; negative for a dark one.
-
-    Raises:
-        ValueError: If a number is not finite, or the radius is not positive.
-
-    Example:
-        >>> Lesion((10.0, 0.0, 0.0), radius=4.0, contrast_hu=-20.0).radius
-        4.0
-    """
-
-    center: Point
-    radius: float
-    contrast_hu: float
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.radius) and self.radius > 0):
-            raise ValueError(f"The radius of a lesion must be a positive length in mm, got {self.radius}.")
-        if not all(map(math.isfinite, (*self.center, self.contrast_hu))):
-            raise ValueError(f"The centre and the contrast of a lesion must be finite, got {self}.")
 
 
 def with_lesions(body: Body, lesions: Sequence[Lesion]) -> Body:
@@ -73,8 +42,8 @@ def with_lesions(body: Body, lesions: Sequence[Lesion]) -> Body:
         >>> from pnpct.simulation import chest_body, truth
         >>> heart, grid = (30.0, 24.0, 0.0), ImageGrid(1, 1, spacing=1.0, center=(30.0, 24.0))
         >>> chest = chest_body(np.random.default_rng(1))
-        >>> marked = with_lesions(chest, [Lesion(heart, radius=4.0, contrast_hu=-30.0)])
-        >>> change = truth(marked.slice(0.0, grid), grid) - truth(chest.slice(0.0, grid), grid)
+        >>> with_nodule = with_lesions(chest, [Lesion(heart, radius=4.0, contrast_hu=-30.0)])
+        >>> change = truth(with_nodule.slice(0.0, grid), grid) - truth(chest.slice(0.0, grid), grid)
         >>> round(1000 * change.item(), 1)
         -30.0
     """
@@ -86,30 +55,11 @@ def with_lesions(body: Body, lesions: Sequence[Lesion]) -> Body:
                 f"A lesion of radius {lesion.radius:g} mm at z = {z:g} mm is outside the body, which reaches from "
                 f"z = {low:g} to {high:g} mm."
             )
-    return _MarkedBody(body, tuple(lesions))
-
-
-def lesion_mask(lesions: Sequence[Lesion], z: float, grid: ImageGrid) -> Image:
-    """Return which share of each pixel is inside a lesion: 1 within, 0 without, and between on the outline.
-
-    The outline is one pixel wide: w = ½ − (distance from the centre − radius) / spacing, from 0 to 1. Where
-    lesions overlap it is that of the one to which more of the pixel belongs.
-
-    Args:
-        lesions: Any number.
-        z: Height of the slice, mm.
-        grid: Where the pixels are.
-    """
-    mask = np.zeros(grid.shape)
-    for lesion in lesions:
-        x, y, height = lesion.center
-        away = np.sqrt((grid.x[None, :] - x) ** 2 + (grid.y[:, None] - y) ** 2 + (z - height) ** 2)
-        mask = np.maximum(mask, np.clip(0.5 - (away - lesion.radius) / grid.spacing, 0.0, 1.0))
-    return torch.from_numpy(mask).float()
+    return _BodyWithLesions(body, tuple(lesions))
 
 
 @dataclass(frozen=True, eq=False)
-class _MarkedBody(Body):
+class _BodyWithLesions(Body):
     """A body with lesions."""
 
     body: Body
@@ -124,13 +74,13 @@ class _MarkedBody(Body):
     def slice(self, z: float, grid: ImageGrid) -> Phantom:
         phantom = self.body.slice(z, grid)
         for lesion in self.lesions:
-            phantom = _marked(phantom, lesion, z)
+            phantom = _with_lesion(phantom, lesion, z)
         return phantom
 
 
-def _marked(phantom: Phantom, lesion: Lesion, z: float) -> Phantom:
+def _with_lesion(phantom: Phantom, lesion: Lesion, z: float) -> Phantom:
     """Replace the share of what is there that changes the image by the contrast."""
-    share_inside = lesion_mask([lesion], z, phantom.grid).to(phantom.fractions.device, torch.float64)
+    share_inside = torch.from_numpy(lesion_mask([lesion], z, phantom.grid)).to(phantom.fractions.device)
     inside = share_inside > 0
     if lesion.contrast_hu == 0 or not bool(inside.any()):
         return phantom

@@ -2,47 +2,17 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
 
-from pnpct.geometry import ImageGrid
-from pnpct.simulation.lesions import Lesion, lesion_mask
+from pnpct.geometry import ImageGrid, Insert, disc_mask
 from pnpct.simulation.phantom import Phantom, relative_attenuation
 
 _DENSER = "skin"
 """Of all materials above water the one that behaves most like denser water: 72, 74 and 75 HU at 60, 70 and 80 keV."""
 
 _EDGE = 0.4 * 100 / math.sqrt(2)  # mm: 0.4 of the phantom's radius along a diagonal
-
-
-@dataclass(frozen=True)
-class Insert:
-    """A disc in the phantom, whose contrast comes from its density alone.
-
-    Args:
-        diameter: mm, > 0.
-        contrast_hu: What it adds to water, HU; negative for a dark one.
-        center: Its middle x and y, mm.
-
-    Raises:
-        ValueError: If a number is not finite, or the diameter is not positive.
-
-    Example:
-        >>> Insert(diameter=3.0, contrast_hu=14.0, center=(20.0, 0.0)).diameter
-        3.0
-    """
-
-    diameter: float
-    contrast_hu: float
-    center: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.diameter) and self.diameter > 0):
-            raise ValueError(f"The diameter of an insert must be a positive length in mm, got {self.diameter}.")
-        if not all(map(math.isfinite, (self.contrast_hu, *self.center))):
-            raise ValueError(f"The contrast and the centre of an insert must be finite, got {self}.")
 
 
 CCT189: tuple[Insert, ...] = (
@@ -97,7 +67,7 @@ def low_contrast_phantom(
     dense, water = relative_attenuation((_DENSER, "water"), np.array([float(energy)])).flatten().tolist()
     most = 1000 * (dense / water - 1)
     fractions = torch.zeros(3, *grid.shape, dtype=torch.float64)  # air, water, denser
-    fractions[1] = _disc((0.0, 0.0), radius, grid)
+    fractions[1] = torch.from_numpy(disc_mask((0.0, 0.0), radius, grid))
     for insert in inserts:
         if not -1000 <= insert.contrast_hu <= most:
             raise ValueError(
@@ -106,7 +76,7 @@ def low_contrast_phantom(
             )
         bright = insert.contrast_hu > 0
         full = insert.contrast_hu / most if bright else -insert.contrast_hu / 1000
-        share = full * _disc(insert.center, insert.diameter / 2, grid)
+        share = full * torch.from_numpy(disc_mask(insert.center, insert.diameter / 2, grid))
         fractions[1] -= share
         if bright:
             fractions[2] += share
@@ -114,11 +84,6 @@ def low_contrast_phantom(
     materials = ("air", "water", _DENSER)
     used = [index for index in range(3) if index < 2 or bool(fractions[index].any())]
     return Phantom(tuple(materials[index] for index in used), fractions[used].clamp(0, 1).float(), grid)
-
-
-def _disc(center: tuple[float, float], radius: float, grid: ImageGrid) -> torch.Tensor:
-    """Share of each pixel in a disc: the section of a sphere through its middle."""
-    return lesion_mask([Lesion((*center, 0.0), radius, 0.0)], 0.0, grid).double()
 
 
 def _check_places(grid: ImageGrid, inserts: Sequence[Insert], radius: float) -> None:
