@@ -10,7 +10,7 @@ from small_phantoms import INSERTS, TESTS, small_plan
 from pnpct.comparison import PhantomResults, Plan, phantom_results
 from pnpct.comparison.phantom_records import PhantomRecord
 from pnpct.evaluation import InsertDetectability, Interval
-from pnpct.evaluation.detectability import Detectability
+from pnpct.evaluation.observers.model_observers import Detectability
 
 SMALL, LARGE = INSERTS
 FBP, BLUR, TV, RAM_LAK, SOFT = 0, 1, 2, 7, 8

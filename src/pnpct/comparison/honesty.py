@@ -26,7 +26,7 @@ from pnpct.evaluation import (
     score_test,
     split_views,
 )
-from pnpct.evaluation.disc_information import disc_information
+from pnpct.evaluation.data.disc_information import disc_information
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 

@@ -27,7 +27,7 @@ from pnpct.evaluation import (
     texture_features,
     texture_patches,
 )
-from pnpct.evaluation.fidelity import NoSuchTissueError
+from pnpct.evaluation.image.errors import NoSuchTissueError
 
 Values = dict[str, float | None]
 """By name; None where a number does not exist, say the decibels of a perfect image."""

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
 
-from pnpct.evaluation.detectability_by_dose import READER
+from pnpct.evaluation.observers.detectability_by_dose import READER
 from pnpct.geometry import ImageGrid, Insert
 from pnpct.operators import Kernel
 from pnpct.physics import Exposure

@@ -16,9 +16,9 @@ from pnpct.comparison.results import Comparison, LesionResult, Numbers
 from pnpct.comparison.subjects import REFERENCE_MA, Subject
 from pnpct.comparison.texture_group import TextureGroup, texture_group
 from pnpct.evaluation import FEATURES
-from pnpct.evaluation.consistency import CORRELATED, OBJECT
-from pnpct.evaluation.texture_change import LEAST_CASES
-from pnpct.evaluation.tissue_errors import TISSUES
+from pnpct.evaluation.data.consistency import CORRELATED, OBJECT
+from pnpct.evaluation.image.tissue_errors import TISSUES
+from pnpct.evaluation.texture.change import LEAST_CASES
 from pnpct.files import Provenance
 from pnpct.operators.processes import side_by_side
 

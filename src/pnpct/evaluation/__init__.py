@@ -1,44 +1,8 @@
 """What an image is worth: distances from a reference, texture, noise, sharpness, and how well lesions are found."""
 
-from pnpct.evaluation.consistency import Consistency, Verdict, consistency, fitted_degrees
-from pnpct.evaluation.detectability import (
-    Detectability,
-    channelised_hotelling,
-    laguerre_gauss_channels,
-    matched_filter,
-)
-from pnpct.evaluation.detectability_by_dose import (
-    InsertDetectability,
-    InsertScans,
-    detectability_by_dose,
-    dose_curves,
-)
-from pnpct.evaluation.dose import (
-    DoseCurve,
-    DoseReduction,
-    EqualDose,
-    PowerLaw,
-    best_references,
-    dose_reduction,
-    equal_detectability_dose,
-)
-from pnpct.evaluation.fidelity import METRICS, WINDOWS, Metric, bias_hu, evaluate, psnr, rmse_hu, ssim
-from pnpct.evaluation.histogram import earth_movers_distance, gray_histogram, histogram_entropy, repeat_scan_floor
-from pnpct.evaluation.intervals import Interval, bootstrap
-from pnpct.evaluation.lesion_recovery import LesionRecovery, contrast_recovery, insert_lesion, lesion_recovery
-from pnpct.evaluation.noise_power import NoisePower, RadialPower, noise_power_of_one, noise_power_of_repeats
-from pnpct.evaluation.oversmoothing import oversmoothing_warnings, rank_by_closeness
-from pnpct.evaluation.patches import Patch, tile_patches
-from pnpct.evaluation.prior_sweep import PriorDriven, prior_sweep
-from pnpct.evaluation.published_scores import (
-    psnr_ldctbench,
-    psnr_lodopab,
-    psnr_lodopab_fr,
-    ssim_ldctbench,
-    ssim_lodopab,
-    ssim_lodopab_fr,
-)
-from pnpct.evaluation.realisations import (
+from pnpct.evaluation.data.consistency import Consistency, Verdict, consistency, fitted_degrees
+from pnpct.evaluation.data.prior_sweep import PriorDriven, prior_sweep
+from pnpct.evaluation.data.realisations import (
     HalfScan,
     Realisation,
     Reconstruct,
@@ -47,14 +11,55 @@ from pnpct.evaluation.realisations import (
     redraw,
     split_views,
 )
-from pnpct.evaluation.regions import Mask, body_mask, soft_tissue_mask
-from pnpct.evaluation.resolution import TaskTransfer, task_transfer
-from pnpct.evaluation.score_test import Finding, ScoreTest, cross_view_score, score_test, score_threshold
-from pnpct.evaluation.texture import FEATURES, GLCMSpec, Texture, texture_features, texture_patches
-from pnpct.evaluation.texture_change import FeatureChange, TextureChange, texture_change
-from pnpct.evaluation.tissue_errors import TISSUES, TissueError, errors_by_tissue
-from pnpct.evaluation.uncertainty import Coverage, Spread, coverage, split_view_difference, spread
-from pnpct.evaluation.visual_task import DiscTask, EyeFilter, Spectrum, spectral_detectability
+from pnpct.evaluation.data.score_test import Finding, ScoreTest, cross_view_score, score_test, score_threshold
+from pnpct.evaluation.data.uncertainty import Coverage, Spread, coverage, split_view_difference, spread
+from pnpct.evaluation.image.errors import METRICS, WINDOWS, Metric, bias_hu, evaluate, psnr, rmse_hu, ssim
+from pnpct.evaluation.image.patches import Patch, tile_patches
+from pnpct.evaluation.image.published_scores import (
+    psnr_ldctbench,
+    psnr_lodopab,
+    psnr_lodopab_fr,
+    ssim_ldctbench,
+    ssim_lodopab,
+    ssim_lodopab_fr,
+)
+from pnpct.evaluation.image.regions import Mask, body_mask, soft_tissue_mask
+from pnpct.evaluation.image.tissue_errors import TISSUES, TissueError, errors_by_tissue
+from pnpct.evaluation.intervals import Interval, bootstrap
+from pnpct.evaluation.observers.detectability_by_dose import (
+    InsertDetectability,
+    InsertScans,
+    detectability_by_dose,
+    dose_curves,
+)
+from pnpct.evaluation.observers.dose import (
+    DoseCurve,
+    DoseReduction,
+    EqualDose,
+    PowerLaw,
+    best_references,
+    dose_reduction,
+    equal_detectability_dose,
+)
+from pnpct.evaluation.observers.lesion_recovery import LesionRecovery, contrast_recovery, insert_lesion, lesion_recovery
+from pnpct.evaluation.observers.model_observers import (
+    Detectability,
+    channelised_hotelling,
+    laguerre_gauss_channels,
+    matched_filter,
+)
+from pnpct.evaluation.observers.noise_power import NoisePower, RadialPower, noise_power_of_one, noise_power_of_repeats
+from pnpct.evaluation.observers.task_transfer import TaskTransfer, task_transfer
+from pnpct.evaluation.observers.visual_task import DiscTask, EyeFilter, Spectrum, spectral_detectability
+from pnpct.evaluation.texture.change import FeatureChange, TextureChange, texture_change
+from pnpct.evaluation.texture.glcm import FEATURES, GLCMSpec, Texture, texture_features, texture_patches
+from pnpct.evaluation.texture.histogram import (
+    earth_movers_distance,
+    gray_histogram,
+    histogram_entropy,
+    repeat_scan_floor,
+)
+from pnpct.evaluation.texture.oversmoothing import oversmoothing_warnings, rank_by_closeness
 
 __all__ = [
     "FEATURES",

@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from pnpct.comparison import Case, Comparison, TextureGroup
 from pnpct.evaluation import FeatureChange, TextureChange, oversmoothing_warnings
-from pnpct.evaluation.oversmoothing import overshoots
+from pnpct.evaluation.texture.oversmoothing import overshoots
 from pnpct.report.axes import Axis, fitted
 from pnpct.report.charts import ALONG, Bar, BarChart, Mark, listed, row_top
 from pnpct.report.images import labels

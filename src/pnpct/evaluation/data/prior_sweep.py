@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from pnpct.evaluation.disc_information import disc_template, sum_around
-from pnpct.evaluation.score_test import ScoreTest
+from pnpct.evaluation.data.disc_information import disc_template, sum_around
+from pnpct.evaluation.data.score_test import ScoreTest
 
 
 @dataclass(frozen=True, eq=False)

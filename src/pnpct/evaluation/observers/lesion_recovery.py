@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pnpct.evaluation.realisations import Reconstruct, ray_weights
+from pnpct.evaluation.data.realisations import Reconstruct, ray_weights
 from pnpct.geometry import ImageGrid, Lesion, disc_mask
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram

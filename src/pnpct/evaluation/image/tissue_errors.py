@@ -8,8 +8,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.evaluation.fidelity import Window, bias_hu, checked_hu, rmse_hu
-from pnpct.evaluation.regions import Mask
+from pnpct.evaluation.image.errors import Window, bias_hu, checked_hu, rmse_hu
+from pnpct.evaluation.image.regions import Mask
 
 TISSUES: dict[str, Window] = {
     "air": (-1200.0, -950.0),

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pnpct.evaluation.hounsfield import hu_array
+from pnpct.evaluation.image.hounsfield import hu_array
 from pnpct.geometry import ImageGrid
 
 STEP = 0.1

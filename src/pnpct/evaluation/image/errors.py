@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.evaluation.regions import Mask, body_mask, soft_tissue_mask
+from pnpct.evaluation.image.regions import Mask, body_mask, soft_tissue_mask
 from pnpct.units import to_hu
 
 Metric: TypeAlias = Callable[[Image, Image], float]

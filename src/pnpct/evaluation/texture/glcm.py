@@ -15,10 +15,10 @@ from scipy import ndimage
 from skimage import feature
 from torch import Tensor
 
-from pnpct.evaluation.histogram import gray_levels
-from pnpct.evaluation.hounsfield import check_window, hu_array
-from pnpct.evaluation.patches import Patch, patch_values, tile_patches
-from pnpct.evaluation.regions import body_mask
+from pnpct.evaluation.image.hounsfield import check_window, hu_array
+from pnpct.evaluation.image.patches import Patch, patch_values, tile_patches
+from pnpct.evaluation.image.regions import body_mask
+from pnpct.evaluation.texture.histogram import gray_levels
 from pnpct.units import from_hu
 
 FEATURES = ("contrast", "dissimilarity", "homogeneity", "asm", "energy", "correlation", "entropy")

@@ -10,7 +10,7 @@ from scipy.stats import wasserstein_distance
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.evaluation.hounsfield import check_window, hu_array
+from pnpct.evaluation.image.hounsfield import check_window, hu_array
 
 
 def gray_levels(

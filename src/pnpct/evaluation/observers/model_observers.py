@@ -12,9 +12,9 @@ from scipy.special import eval_laguerre, ndtri
 from scipy.stats import rankdata
 from torch import Tensor
 
-from pnpct.evaluation.hounsfield import hu_array
+from pnpct.evaluation.image.hounsfield import hu_array
 from pnpct.evaluation.intervals import Interval
-from pnpct.evaluation.visual_task import Spectrum
+from pnpct.evaluation.observers.visual_task import Spectrum
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnpct.evaluation.intervals import Interval, bootstrap
-from pnpct.evaluation.texture import FEATURES, Texture
+from pnpct.evaluation.texture.glcm import FEATURES, Texture
 
 LEAST_CASES = 5
 """Cases that an interval needs: resamples of fewer are a handful of combinations, and it would be far too narrow."""

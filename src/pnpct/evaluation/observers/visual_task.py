@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import j1
 
-from pnpct.evaluation.noise_power import NoisePower
+from pnpct.evaluation.observers.noise_power import NoisePower
 
 Spectrum: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From frequencies in 1/mm to a value at each."""

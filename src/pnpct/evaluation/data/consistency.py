@@ -9,7 +9,7 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from pnpct.arrays import Image, Rays
-from pnpct.evaluation.realisations import Reconstruct, ray_weights
+from pnpct.evaluation.data.realisations import Reconstruct, ray_weights
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from pnpct.evaluation.noise_power import RadialPower
-from pnpct.evaluation.texture_change import FeatureChange, TextureChange
+from pnpct.evaluation.observers.noise_power import RadialPower
+from pnpct.evaluation.texture.change import FeatureChange, TextureChange
 
 GROWS_WITH_SMOOTHING = {
     "contrast": False,

@@ -16,7 +16,7 @@ from pnpct.evaluation import (
     texture_change,
     texture_features,
 )
-from pnpct.evaluation.oversmoothing import GROWS_WITH_SMOOTHING, overshoots
+from pnpct.evaluation.texture.oversmoothing import GROWS_WITH_SMOOTHING, overshoots
 
 SPEC = GLCMSpec(patch=32, levels=64)
 BLURS = (0.7, 0.8, 1.0, 1.5, 2.0, 4.0)

@@ -9,9 +9,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.evaluation.disc_information import disc_information, disc_template, sum_around
-from pnpct.evaluation.realisations import Reconstruct, ReconstructViews, parametric_bootstrap, split_views
-from pnpct.evaluation.regions import Mask
+from pnpct.evaluation.data.disc_information import disc_information, disc_template, sum_around
+from pnpct.evaluation.data.realisations import Reconstruct, ReconstructViews, parametric_bootstrap, split_views
+from pnpct.evaluation.image.regions import Mask
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram

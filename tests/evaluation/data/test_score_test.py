@@ -8,7 +8,7 @@ from low_dose_slice import low_dose_slice, pixel_at
 
 from pnpct.denoisers import TotalVariation
 from pnpct.evaluation import cross_view_score, score_test, score_threshold
-from pnpct.evaluation.disc_information import disc_information
+from pnpct.evaluation.data.disc_information import disc_information
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import reconstruct

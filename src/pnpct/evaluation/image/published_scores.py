@@ -15,7 +15,7 @@ from skimage.metrics import structural_similarity
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.evaluation.fidelity import checked_hu
+from pnpct.evaluation.image.errors import checked_hu
 
 Exam: TypeAlias = Literal["chest", "abdomen", "head"]
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pnpct.evaluation.patches import Patch, patch_values, tile_patches
+from pnpct.evaluation.image.patches import Patch, patch_values, tile_patches
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from pnpct.evaluation import Patch, tile_patches
-from pnpct.evaluation.patches import patch_values
+from pnpct.evaluation.image.patches import patch_values
 
 
 def test_tiles_cover_the_image_but_for_what_is_left() -> None:

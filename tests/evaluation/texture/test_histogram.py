@@ -4,7 +4,7 @@ import torch
 from scipy.stats import wasserstein_distance
 
 from pnpct.evaluation import earth_movers_distance, gray_histogram, histogram_entropy, repeat_scan_floor
-from pnpct.evaluation.histogram import gray_levels
+from pnpct.evaluation.texture.histogram import gray_levels
 from pnpct.units import from_hu
 
 

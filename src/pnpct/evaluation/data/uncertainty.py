@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import torch
 
 from pnpct.arrays import Image
-from pnpct.evaluation.realisations import ReconstructViews, split_views
-from pnpct.evaluation.regions import Mask
+from pnpct.evaluation.data.realisations import ReconstructViews, split_views
+from pnpct.evaluation.image.regions import Mask
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 

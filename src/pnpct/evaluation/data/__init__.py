@@ -1,0 +1,1 @@
+"""What the rays say of an image that was made from them: residuals, scores of discs, repetitions."""

@@ -1,0 +1,1 @@
+"""What an image looks like: gray-level co-occurrence and histograms, and how near they come to a reference."""
