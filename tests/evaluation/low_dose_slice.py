@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from scipy.special import j1
 
 from pnpct.geometry import FanBeam, ImageGrid, disc_mask, evenly_spaced_views
 from pnpct.operators import Projector
@@ -60,6 +61,12 @@ def low_dose_slice(size: int = 64) -> Slice:
 
 def disc(center: tuple[float, float], radius: float, grid: ImageGrid) -> torch.Tensor:
     return torch.from_numpy(disc_mask(center, radius, grid)).float()
+
+
+def disc_spectrum(diameter: float, frequencies: np.ndarray) -> np.ndarray:
+    """Fourier transform of a disc of height 1, π R² · 2 J₁(2πRf) / (2πRf), in mm² at frequencies in 1/mm."""
+    argument = np.maximum(np.pi * diameter * np.abs(frequencies), 1e-9)
+    return np.pi * diameter**2 / 4 * 2 * j1(argument) / argument
 
 
 def pixel_at(grid: ImageGrid, position: tuple[float, float]) -> tuple[int, int]:

@@ -41,6 +41,7 @@ from pnpct.evaluation.observers.dose import (
     dose_reduction,
     equal_detectability_dose,
 )
+from pnpct.evaluation.observers.eye_filter import EyeFilter, Spectrum
 from pnpct.evaluation.observers.lesion_recovery import LesionRecovery, contrast_recovery, insert_lesion, lesion_recovery
 from pnpct.evaluation.observers.model_observers import (
     Detectability,
@@ -50,7 +51,6 @@ from pnpct.evaluation.observers.model_observers import (
 )
 from pnpct.evaluation.observers.noise_power import NoisePower, RadialPower, noise_power_of_one, noise_power_of_repeats
 from pnpct.evaluation.observers.task_transfer import TaskTransfer, task_transfer
-from pnpct.evaluation.observers.visual_task import DiscTask, EyeFilter, Spectrum, spectral_detectability
 from pnpct.evaluation.texture.change import FeatureChange, TextureChange, texture_change
 from pnpct.evaluation.texture.glcm import FEATURES, GLCMSpec, Texture, texture_features, texture_patches
 from pnpct.evaluation.texture.histogram import (
@@ -69,7 +69,6 @@ __all__ = [
     "Consistency",
     "Coverage",
     "Detectability",
-    "DiscTask",
     "DoseCurve",
     "DoseReduction",
     "EqualDose",
@@ -139,7 +138,6 @@ __all__ = [
     "score_test",
     "score_threshold",
     "soft_tissue_mask",
-    "spectral_detectability",
     "split_view_difference",
     "split_views",
     "spread",

@@ -3,11 +3,10 @@ import math
 import numpy as np
 import pytest
 import torch
-from low_dose_slice import Slice, disc, low_dose_slice, pixel_at
+from low_dose_slice import Slice, disc, disc_spectrum, low_dose_slice, pixel_at
 
 from pnpct.denoisers import Gaussian, TotalVariation
 from pnpct.evaluation import (
-    DiscTask,
     channelised_hotelling,
     contrast_recovery,
     insert_lesion,
@@ -95,8 +94,8 @@ def test_fbp_recovers_what_its_transfer_lets_through(kernel: Kernel) -> None:
         image = fbp(line_integrals, fine.projector, kernel=kernel)
         found = lesion_recovery(image, torch.zeros_like(image), lesion, fine.grid)
         # Mean of the band-limited disc over the core: ∫ disc · transfer · core, all radial.
-        core = DiscTask(0.6 * diameter, 1.0)(f)
-        expected = np.trapezoid(DiscTask(diameter, 1.0)(f) * transfer(f) * core * 2 * math.pi * f, f)
+        core = disc_spectrum(0.6 * diameter, f)
+        expected = np.trapezoid(disc_spectrum(diameter, f) * transfer(f) * core * 2 * math.pi * f, f)
         assert found.recovered == pytest.approx(expected / (math.pi * (0.3 * diameter) ** 2), abs=0.05)
 
 

@@ -17,8 +17,8 @@ from pnpct.arrays import Image
 from pnpct.evaluation.data.realisations import Reconstruct
 from pnpct.evaluation.intervals import Interval
 from pnpct.evaluation.observers.dose import DoseCurve
+from pnpct.evaluation.observers.eye_filter import EyeFilter, Spectrum
 from pnpct.evaluation.observers.model_observers import Detectability, channelised_hotelling, matched_filter
-from pnpct.evaluation.observers.visual_task import EyeFilter, Spectrum
 from pnpct.geometry import ImageGrid, Insert, disc_mask
 from pnpct.physics import Exposure, take_log
 

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from pnpct.evaluation.image.hounsfield import hu_array
 from pnpct.evaluation.intervals import Interval
-from pnpct.evaluation.observers.visual_task import Spectrum
+from pnpct.evaluation.observers.eye_filter import Spectrum
 
 Array: TypeAlias = NDArray[np.float64]
 
