@@ -39,7 +39,6 @@ from pnpct.evaluation.observers.dose import (
     PowerLaw,
     best_references,
     dose_reduction,
-    equal_detectability_dose,
 )
 from pnpct.evaluation.observers.eye_filter import EyeFilter, Spectrum
 from pnpct.evaluation.observers.lesion_recovery import LesionRecovery, contrast_recovery, insert_lesion, lesion_recovery
@@ -112,7 +111,6 @@ __all__ = [
     "dose_curves",
     "dose_reduction",
     "earth_movers_distance",
-    "equal_detectability_dose",
     "errors_by_tissue",
     "evaluate",
     "fitted_degrees",

@@ -8,7 +8,6 @@ from pnpct.evaluation import (
     Interval,
     best_references,
     dose_reduction,
-    equal_detectability_dose,
 )
 
 DOSES = (25.0, 50.0, 100.0, 200.0, 400.0)
@@ -33,9 +32,8 @@ def curve(
 
 
 def equal(method: DoseCurve, reference: Interval, **options):
-    return equal_detectability_dose(
-        method, reference, full_dose=200.0, **{"generator": np.random.default_rng(1), "resamples": 500, **options}
-    )
+    defaults = {"full_dose": 200.0, "generator": np.random.default_rng(1), "resamples": 500}
+    return dose_reduction({"disc": method}, {"disc": reference}, **{**defaults, **options}).tasks["disc"]
 
 
 def test_a_power_law_is_found_again() -> None:
@@ -149,7 +147,7 @@ def test_what_cannot_be_fitted_is_refused() -> None:
     with pytest.raises(ValueError, match="two resamples"):
         equal(good, measured(3.0, 0.1), resamples=1)
     with pytest.raises(ValueError, match="full dose must be positive"):
-        equal_detectability_dose(good, measured(3.0, 0.1), full_dose=0.0, generator=np.random.default_rng(1))
+        equal(good, measured(3.0, 0.1), full_dose=0.0)
     with pytest.raises(ValueError, match="same tasks"):
         dose_reduction({"a": good}, {"b": measured(3, 0.1)}, full_dose=1.0, generator=np.random.default_rng(1))
     with pytest.raises(ValueError, match="same doses"):

@@ -145,48 +145,6 @@ class DoseReduction(Generic[Task]):
     worst: Task
 
 
-def equal_detectability_dose(
-    method: DoseCurve,
-    reference: Interval,
-    *,
-    full_dose: float,
-    generator: np.random.Generator,
-    resamples: int = 2000,
-    level: float = 0.95,
-) -> EqualDose:
-    """Find the dose at which a method reaches the detectability of the reference.
-
-    With ln d′ = a + b ln D fitted to the method, D_eq = exp((ln d′_reference − a)/b), within the doses that were
-    measured. The interval is the parametric bootstrap's: d′ of the method at every dose and d′ of the reference are
-    redrawn from their standard errors, as if independent. Where both come from the same scans it is too wide.
-
-    Args:
-        method: d′ of the method, by the Hotelling observer; one that does not prewhiten is fooled by blurring.
-        reference: d′ of the reference at full dose: FBP with its best kernel, see `best_references`.
-        full_dose: Dose of the reference, positive, in the unit of the curve.
-        generator: Source of the resamples.
-        resamples: At least 2.
-        level: Confidence, between 0 and 1.
-
-    Returns:
-        The dose. It says nothing on other tasks: report the largest dose of several, see `dose_reduction`.
-
-    Raises:
-        ValueError: If a number is out of its range.
-
-    Example:
-        >>> doses = (10.0, 20.0, 40.0, 80.0)
-        >>> found = tuple(Interval(dose**0.5, 0, 0, standard_error=0.05, level=0.95) for dose in doses)
-        >>> result = equal_detectability_dose(
-        ...     DoseCurve(doses, found), found[-2], full_dose=80.0, generator=np.random.default_rng(1)
-        ... )
-        >>> round(result.reduction.estimate, 6), result.outside
-        (0.5, None)
-    """
-    draws = _draws(method, reference, full_dose, resamples=resamples, level=level, generator=generator)
-    return _result(draws, method, full_dose, level)
-
-
 def dose_reduction(
     method: Mapping[Task, DoseCurve],
     reference: Mapping[Task, Interval],
@@ -196,22 +154,35 @@ def dose_reduction(
     resamples: int = 2000,
     level: float = 0.95,
 ) -> DoseReduction[Task]:
-    """Find the dose reduction of a method in several tasks, and the least of them.
+    """Find the dose at which a method reaches the detectability of the reference, in each task and in all.
+
+    With ln d′ = a + b ln D fitted to the method, D_eq = exp((ln d′_reference − a)/b), within the doses that were
+    measured. The interval is the parametric bootstrap's: d′ of the method at every dose and d′ of the reference are
+    redrawn from their standard errors, as if independent. Where both come from the same scans it is too wide.
 
     Args:
-        method: d′ of the method in each task, all at the same doses.
-        reference: d′ of the reference at full dose in the same tasks.
+        method: d′ of the method in each task, all at the same doses, by the Hotelling observer; one that does not
+            prewhiten is fooled by blurring.
+        reference: d′ of the reference at full dose in the same tasks: FBP with its best kernel, see `best_references`.
         full_dose: Dose of the reference, positive, in the unit of the curves.
         generator: Source of the resamples.
         resamples: At least 2.
         level: Confidence, between 0 and 1.
 
     Returns:
-        Each task as by `equal_detectability_dose`; the least reduction with the interval of the least, which is
-        below that of each task alone.
+        The dose of each task, and the largest of them, whose interval is that of the largest: it lies above that of
+        each task alone.
 
     Raises:
         ValueError: If the tasks are not the same or not at the same doses, or a number is out of its range.
+
+    Example:
+        >>> doses = (10.0, 20.0, 40.0, 80.0)
+        >>> found = tuple(Interval(dose**0.5, 0, 0, standard_error=0.05, level=0.95) for dose in doses)
+        >>> curve, random = DoseCurve(doses, found), np.random.default_rng(1)
+        >>> result = dose_reduction({"disc": curve}, {"disc": found[-2]}, full_dose=80.0, generator=random)
+        >>> round(result.least.reduction.estimate, 6), result.least.outside
+        (0.5, None)
     """
     if not method or set(method) != set(reference):
         raise ValueError(f"The method and the reference need the same tasks, got {list(method)} and {list(reference)}.")
