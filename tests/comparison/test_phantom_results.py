@@ -36,7 +36,7 @@ def results(plan: Plan, gains, *, error: float = 0.02, tests=TESTS, broken=()) -
                 of_insert = gain[INSERTS.index(insert)] if isinstance(gain, tuple) else gain
                 d = 0.1 * math.sqrt(of_insert * current)
                 one = judged(-0.1 if (place, insert, current) in broken else d, error * d)
-                found.append(InsertDetectability(insert, current, one, one, one, contrast_hu=-40.0, noise_hu=10.0))
+                found.append(InsertDetectability(insert, current, one, one, contrast_hu=-40.0, noise_hu=10.0))
             records.append(PhantomRecord(place, found=tuple(found)))
     return phantom_results(records, plan, tests)
 

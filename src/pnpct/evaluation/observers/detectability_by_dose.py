@@ -3,9 +3,8 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import combinations
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import torch
@@ -92,7 +91,6 @@ class InsertDetectability:
         tube_current_ma: Tube current of the scans, mA.
         hotelling: The channelised Hotelling observer: the measure of dose.
         npwe: The non-prewhitening observer with an eye, which a blur fools; show it beside blurred FBP only.
-        npw: The same without an eye.
         contrast_hu: Height of the disc of the insert's size that fits the mean difference best, HU.
         noise_hu: Standard deviation over the scans without insert, HU.
     """
@@ -101,7 +99,6 @@ class InsertDetectability:
     tube_current_ma: float
     hotelling: Detectability
     npwe: Detectability
-    npw: Detectability
     contrast_hu: float
     noise_hu: float
 
@@ -114,7 +111,7 @@ def detectability_by_dose(
     generator: torch.Generator,
     pairs: int = 200,
     batch: int = 16,
-    eye: EyeFilter = READER,
+    eye: Spectrum = READER,
 ) -> Iterator[InsertDetectability]:
     """Yield how well each insert is found at each dose.
 
@@ -122,7 +119,7 @@ def detectability_by_dose(
     reconstructed; patches are cut out around the inserts, and at the same places without them. Generators of one
     state give all methods the same scans.
 
-    The templates of the observers that do not prewhiten are the mean difference of one half of the images, averaged
+    The template of the observer that does not prewhiten is the mean difference of one half of the images, averaged
     over rings around the insert up to its diameter; the other half is tested, and the other way round.
 
     Args:
@@ -132,7 +129,7 @@ def detectability_by_dose(
         generator: Source of the noise, of splits and resamples, on the device of the exposures.
         pairs: Scans of each kind at each dose, at least 40; 100 or more are advised.
         batch: Most scans that are reconstructed together, at least 1.
-        eye: The eye of the NPWE observer; state its distance and zoom with the result.
+        eye: E of the NPWE observer; state distance and zoom of an `EyeFilter` with the result.
 
     Yields:
         For each dose in turn each insert.
@@ -155,14 +152,11 @@ def detectability_by_dose(
             yield _judge(present[number], absent[number], scans, insert, tube_current_ma, eye, random)
 
 
-def dose_curves(
-    found: Sequence[InsertDetectability], *, observer: Literal["hotelling", "npwe", "npw"] = "hotelling"
-) -> dict[Insert, DoseCurve]:
-    """Sort detectability by insert: d′ against tube current.
+def dose_curves(found: Sequence[InsertDetectability]) -> dict[Insert, DoseCurve]:
+    """Sort d′ of the Hotelling observer, the measure of dose, by insert: d′ against tube current.
 
     Args:
         found: All records of one method.
-        observer: Whose d′; only that of "hotelling" measures dose.
 
     Raises:
         ValueError: If an insert has fewer than four doses, or a d′ that is not positive.
@@ -170,12 +164,13 @@ def dose_curves(
     by_insert: dict[Insert, list[InsertDetectability]] = {}
     for record in found:
         by_insert.setdefault(record.insert, []).append(record)
-    curves = {}
-    for insert, records in by_insert.items():
-        judged: list[Detectability] = [getattr(record, observer) for record in records]
-        doses = tuple(float(record.tube_current_ma) for record in records)
-        curves[insert] = DoseCurve(doses, tuple(each.d_prime for each in judged))
-    return curves
+    return {
+        insert: DoseCurve(
+            tuple(float(record.tube_current_ma) for record in records),
+            tuple(record.hotelling.d_prime for record in records),
+        )
+        for insert, records in by_insert.items()
+    }
 
 
 def _patches(
@@ -222,7 +217,7 @@ def _judge(
     scans: InsertScans,
     insert: Insert,
     tube_current_ma: float,
-    eye: EyeFilter,
+    eye: Spectrum,
     random: np.random.Generator,
 ) -> InsertDetectability:
     patch, (x, y) = scans.patch_grid(insert), insert.center
@@ -231,15 +226,13 @@ def _judge(
     distance = np.hypot(patch.x[None, :] - x, patch.y[:, None] - y)
     rings = torch.from_numpy((distance / patch.spacing).round().astype(np.int64))
     near = torch.from_numpy(distance <= insert.diameter)
-    not_prewhitened = partial(_not_prewhitened, present, absent, (rings, near), patch.spacing, random)
     return InsertDetectability(
         insert,
         tube_current_ma,
         hotelling=channelised_hotelling(
             present, absent, spacing=patch.spacing, diameter=insert.diameter, generator=random
         ),
-        npwe=not_prewhitened(eye),
-        npw=not_prewhitened(None),
+        npwe=_not_prewhitened(present, absent, (rings, near), patch.spacing, eye, random),
         contrast_hu=1000 * float((difference * disc).sum() / disc.square().sum()),
         noise_hu=1000 * float(absent.double().var(dim=0).mean().sqrt()),
     )
@@ -250,8 +243,8 @@ def _not_prewhitened(
     absent: Patches,
     places: tuple[Tensor, Tensor],
     spacing: float,
+    eye: Spectrum,
     random: np.random.Generator,
-    eye: Spectrum | None,
 ) -> Detectability:
     """Train on one half, test on the other, and the other way round; `places` are ring numbers, and which count."""
     rings, near = places
@@ -263,9 +256,7 @@ def _not_prewhitened(
         sums = torch.zeros(int(rings.max()) + 1, dtype=torch.float64).index_add_(0, rings.ravel(), difference.ravel())
         template = (sums / torch.bincount(rings.ravel()).clamp(min=1))[rings] * near
         found.append(
-            matched_filter(
-                present[test], absent[test], spacing=spacing, generator=random, eye=eye, signal=template.float()
-            )
+            matched_filter(present[test], absent[test], signal=template, spacing=spacing, eye=eye, generator=random)
         )
     estimate = float(np.mean([each.d_prime.estimate for each in found]))
     error = math.hypot(*(each.d_prime.standard_error for each in found)) / 2

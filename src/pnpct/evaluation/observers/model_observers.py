@@ -127,11 +127,10 @@ def matched_filter(
     present: Float[Tensor, "pairs side side"],
     absent: Float[Tensor, "pairs side side"],
     *,
+    signal: Float[Tensor, "side side"],
     spacing: float,
     generator: np.random.Generator,
     eye: Spectrum | None = None,
-    signal: Float[Tensor, "side side"] | None = None,
-    splits: int = 10,
     resamples: int = 500,
 ) -> Detectability:
     """Measure d′ of a non-prewhitening observer, with an eye (NPWE) or without (NPW).
@@ -142,13 +141,11 @@ def matched_filter(
     Args:
         present: Patches with the lesion, attenuation relative to water.
         absent: As many patches of the same place without it.
+        signal: The expected difference s, in any unit, from other images than these: noise that they share would
+            pass for signal, and noise of its own lowers d′, much so where the eye looks beside the signal.
         spacing: Distance between pixels, mm, positive.
-        generator: Source of splits and resamples.
+        generator: Source of the resamples.
         eye: E of a frequency in 1/mm, say an `EyeFilter`; None is NPW.
-        signal: The expected difference s, if it is known, in any unit; if None it is the mean difference of one
-            half of the images, and the other half is tested. The noise of such a template lowers d′, and lowers
-            it much if the eye looks where the signal is not: give the signal where it can be computed.
-        splits: Random splits into halves, at least 1; none is needed for a known signal.
         resamples: Bootstrap resamples of the images, at least 2.
 
     Returns:
@@ -156,7 +153,7 @@ def matched_filter(
 
     Raises:
         ValueError: If there are fewer than eight pairs (100 are advised), a number is not finite or out of its
-            range, or the noise has no variance.
+            range, the signal is 0 everywhere, or the noise has no variance.
 
     References:
         Burgess, J. Opt. Soc. Am. A 11 (1994) 1237.
@@ -166,21 +163,15 @@ def matched_filter(
         raise ValueError(f"A matched filter needs at least 8 pairs of images, got {pairs}.")
     if not (math.isfinite(spacing) and spacing > 0):
         raise ValueError(f"The distance between pixels must be a positive length in mm, got {spacing}.")
+    if not (bool(signal.isfinite().all()) and bool(signal.any())):
+        raise ValueError("The expected signal must be finite and not 0 everywhere.")
     images = _flat(present, absent)
     _check_varies(images, pairs)
     along = np.fft.fftfreq(side, spacing)
     squared_eye = np.ones((side, side)) if eye is None else eye(np.hypot(along[:, None], along)) ** 2
-    spectra = np.fft.fft2(images.reshape(-1, side, side)) * squared_eye
-    filtered = np.fft.ifft2(spectra).real.reshape(images.shape)
-    if signal is None:
-        observer = _mean_difference(images, filtered, pairs)
-        return _detectability(observer, pairs, splits=splits, resamples=resamples, generator=generator)
-    known = signal.detach().double().cpu().numpy().ravel()
-    if not (np.isfinite(known).all() and known.any()):
-        raise ValueError("The expected signal must be finite and not 0 everywhere.")
-    scores = filtered @ known
-    fixed = _fixed(scores[:pairs], scores[pairs:])
-    return _detectability(fixed, pairs, splits=0, resamples=resamples, generator=generator)
+    template = np.fft.ifft2(np.fft.fft2(signal.detach().double().cpu().numpy()) * squared_eye).real
+    t1, t0 = (images @ template.ravel()).reshape(2, pairs)
+    return _detectability(lambda *_: (t1[None], t0[None]), pairs, splits=0, resamples=resamples, generator=generator)
 
 
 def _flat(present: Tensor, absent: Tensor) -> Array:
@@ -217,21 +208,6 @@ def _hotelling(v1: Array, v0: Array) -> Observer:
         return w @ v1.T, w @ v0.T
 
     return score
-
-
-def _mean_difference(images: Array, filtered: Array, pairs: int) -> Observer:
-    products = images @ filtered.T
-
-    def score(counts1: Array, counts0: Array) -> tuple[Array, Array]:
-        weights1, weights0 = (counts / counts.sum(axis=1, keepdims=True) for counts in (counts1, counts0))
-        scores = np.concatenate([weights1, -weights0], axis=1) @ products
-        return scores[:, :pairs], scores[:, pairs:]
-
-    return score
-
-
-def _fixed(t1: Array, t0: Array) -> Observer:
-    return lambda counts1, counts0: (np.tile(t1, (len(counts1), 1)), np.tile(t0, (len(counts0), 1)))
 
 
 def _d_prime(t1: Array, t0: Array, counts1: Array, counts0: Array) -> Array:
