@@ -7,7 +7,7 @@ from small_evidence import FAKE, PLAN, TRUTH, A, disc, evidence, fixed, images, 
 
 from pnpct.comparison.honesty import LARGEST_HELD_OUT_T, Evidence, cross_view, judge, sweep
 from pnpct.comparison.results import Check
-from pnpct.evaluation import consistency, cross_view_score
+from pnpct.evaluation import consistency, score_test, split_views
 from pnpct.files import read_image
 
 RESIDUAL = ("residual chi-square", "residual correlation along views", "residual correlation along bins")
@@ -100,7 +100,8 @@ def test_what_a_method_invents_does_not_pass_in_views_that_it_has_not_seen(small
     assert liar.high == -liar.low == LARGEST_HELD_OUT_T
     assert liar.value < 0
     measured = replace(small, truth=None)
-    raw = cross_view_score(lambda *_: TRUTH + FAKE, small.sinogram, A, diameter=small.disc)
+    _, odd = split_views(small.sinogram, A)
+    raw = score_test(TRUTH + FAKE, odd.sinogram, odd.projector, diameter=small.disc)
     (alone,) = cross_view(replace(measured, folder=replace(small.folder, place="again")), candidates[2:])
     assert alone.value == pytest.approx(raw.strongest_within(measured.body).t)
 

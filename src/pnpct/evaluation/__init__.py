@@ -6,13 +6,11 @@ from pnpct.evaluation.data.realisations import (
     HalfScan,
     Realisation,
     Reconstruct,
-    ReconstructViews,
     parametric_bootstrap,
     redraw,
     split_views,
 )
-from pnpct.evaluation.data.score_test import Finding, ScoreTest, cross_view_score, score_test, score_threshold
-from pnpct.evaluation.data.uncertainty import Coverage, Spread, coverage, split_view_difference, spread
+from pnpct.evaluation.data.score_test import Finding, ScoreTest, score_test, score_threshold
 from pnpct.evaluation.image.errors import METRICS, WINDOWS, Metric, bias_hu, evaluate, psnr, rmse_hu, ssim
 from pnpct.evaluation.image.patches import Patch, tile_patches
 from pnpct.evaluation.image.published_scores import (
@@ -41,7 +39,7 @@ from pnpct.evaluation.observers.dose import (
     dose_reduction,
 )
 from pnpct.evaluation.observers.eye_filter import EyeFilter, Spectrum
-from pnpct.evaluation.observers.lesion_recovery import LesionRecovery, contrast_recovery, insert_lesion, lesion_recovery
+from pnpct.evaluation.observers.lesion_recovery import LesionRecovery, insert_lesion, lesion_recovery
 from pnpct.evaluation.observers.model_observers import (
     Detectability,
     channelised_hotelling,
@@ -55,7 +53,6 @@ from pnpct.evaluation.texture.glcm import FEATURES, GLCMSpec, Texture, texture_f
 from pnpct.evaluation.texture.histogram import (
     earth_movers_distance,
     gray_histogram,
-    histogram_entropy,
     repeat_scan_floor,
 )
 from pnpct.evaluation.texture.oversmoothing import oversmoothing_warnings, rank_by_closeness
@@ -66,7 +63,6 @@ __all__ = [
     "TISSUES",
     "WINDOWS",
     "Consistency",
-    "Coverage",
     "Detectability",
     "DoseCurve",
     "DoseReduction",
@@ -89,10 +85,8 @@ __all__ = [
     "RadialPower",
     "Realisation",
     "Reconstruct",
-    "ReconstructViews",
     "ScoreTest",
     "Spectrum",
-    "Spread",
     "TaskTransfer",
     "Texture",
     "TextureChange",
@@ -104,9 +98,6 @@ __all__ = [
     "bootstrap",
     "channelised_hotelling",
     "consistency",
-    "contrast_recovery",
-    "coverage",
-    "cross_view_score",
     "detectability_by_dose",
     "dose_curves",
     "dose_reduction",
@@ -115,7 +106,6 @@ __all__ = [
     "evaluate",
     "fitted_degrees",
     "gray_histogram",
-    "histogram_entropy",
     "insert_lesion",
     "laguerre_gauss_channels",
     "lesion_recovery",
@@ -136,9 +126,7 @@ __all__ = [
     "score_test",
     "score_threshold",
     "soft_tissue_mask",
-    "split_view_difference",
     "split_views",
-    "spread",
     "ssim",
     "ssim_ldctbench",
     "ssim_lodopab",

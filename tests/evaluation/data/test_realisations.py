@@ -8,6 +8,7 @@ from pnpct.evaluation import parametric_bootstrap, redraw, split_views
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import BandedWeights, DiagonalWeights, Sinogram
+from pnpct.reconstruction import fbp
 
 SLICE = low_dose_slice()
 DATA = SLICE.sinogram()
@@ -47,6 +48,17 @@ def test_the_bootstrap_draws_around_the_projection_of_the_image() -> None:
         scores = (draw.sinogram.line_integrals - CLEAN) * DATA.weights.diagonal.sqrt()
         assert float(scores.std()) == pytest.approx(1.0, abs=0.03)
     assert not torch.equal(draws[0].sinogram.line_integrals, draws[1].sinogram.line_integrals)
+
+
+def test_the_bootstrap_of_a_linear_reconstruction_has_the_spread_of_repeated_scans() -> None:
+    def smooth(sinogram: Sinogram) -> torch.Tensor:
+        return fbp(sinogram.line_integrals, SLICE.projector, kernel="soft")
+
+    generator = torch.Generator().manual_seed(1)
+    draws = parametric_bootstrap(smooth, smooth(DATA), DATA, SLICE.projector, realisations=30, generator=generator)
+    bootstrapped = torch.stack([draw.image for draw in draws]).var(dim=0)
+    scans = torch.stack([smooth(SLICE.sinogram(seed=seed)) for seed in range(30)]).var(dim=0)
+    assert float(bootstrapped[SLICE.inside].mean() / scans[SLICE.inside].mean()) == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_halves_of_a_scan_are_its_even_and_odd_views() -> None:

@@ -8,7 +8,6 @@ from low_dose_slice import Slice, disc, disc_spectrum, low_dose_slice, pixel_at
 from pnpct.denoisers import Gaussian, TotalVariation
 from pnpct.evaluation import (
     channelised_hotelling,
-    contrast_recovery,
     insert_lesion,
     lesion_recovery,
     redraw,
@@ -68,8 +67,10 @@ def test_a_twin_scan_and_an_insertion_agree() -> None:
     def smooth(sinogram: Sinogram) -> torch.Tensor:
         return fbp(sinogram.line_integrals, SLICE.projector, kernel="hann")
 
-    inserted = contrast_recovery(smooth, data, SLICE.projector, LESION)
-    scanned = contrast_recovery(smooth, data, SLICE.projector, LESION, twin=twin)
+    inserted, scanned = (
+        lesion_recovery(smooth(present), smooth(data), LESION, SLICE.grid)
+        for present in (insert_lesion(data, SLICE.projector, LESION), twin)
+    )
     assert scanned.recovered == pytest.approx(inserted.recovered, abs=1e-4)
     assert scanned.spill == pytest.approx(inserted.spill, abs=1e-4)
     assert 0.7 < scanned.recovered < 1.1

@@ -3,7 +3,7 @@ import pytest
 import torch
 from scipy.stats import wasserstein_distance
 
-from pnpct.evaluation import earth_movers_distance, gray_histogram, histogram_entropy, repeat_scan_floor
+from pnpct.evaluation import earth_movers_distance, gray_histogram, repeat_scan_floor
 from pnpct.evaluation.texture.histogram import gray_levels
 from pnpct.units import from_hu
 
@@ -53,12 +53,6 @@ def test_only_what_is_in_the_mask_counts() -> None:
     mask[4:] = True
     assert earth_movers_distance(image, reference, mask=mask) == 0.0
     assert earth_movers_distance(image, reference) > 0.1
-
-
-def test_entropy_counts_the_bits_of_the_levels() -> None:
-    assert histogram_entropy(torch.ones(8, 8)) == 0.0
-    one_each = from_hu(-120 + 300 / 256 * (torch.arange(256.0, dtype=torch.float64).reshape(16, 16) + 0.5))
-    assert histogram_entropy(one_each) == pytest.approx(8.0)
 
 
 def test_what_cannot_be_compared_is_refused() -> None:

@@ -13,9 +13,6 @@ from pnpct.physics import DiagonalWeights, Sinogram
 Reconstruct: TypeAlias = Callable[[Sinogram], Image]
 """A reconstruction with all its settings inside."""
 
-ReconstructViews: TypeAlias = Callable[[Sinogram, Projector], Image]
-"""A reconstruction that takes any set of views, and the projector that belongs to them."""
-
 
 @dataclass(frozen=True, eq=False)
 class Realisation:

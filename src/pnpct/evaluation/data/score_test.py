@@ -10,7 +10,7 @@ from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.evaluation.data.disc_information import disc_information, disc_template, sum_around
-from pnpct.evaluation.data.realisations import Reconstruct, ReconstructViews, parametric_bootstrap, split_views
+from pnpct.evaluation.data.realisations import Reconstruct, parametric_bootstrap
 from pnpct.evaluation.image.regions import Mask
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
@@ -94,7 +94,8 @@ def score_test(
 
     For the truth T is standard normal at each place; its largest value in an image is then about 4, and rarely above
     5. For an image that was made from the same data T is smaller, since the fit follows the noise: get its threshold
-    from `score_threshold`, or see `cross_view_score`.
+    from `score_threshold`, or reconstruct one half of the views and test on the other (`split_views`). There the noise
+    of the image adds to that of the data, and T is larger.
 
     It is evidence against discs of one size that were added or removed, not a proof that nothing else was. Below the
     verifiable contrast the data neither confirm nor deny a disc: show that map with every image. Test 4, 8 and 12 mm.
@@ -178,37 +179,6 @@ def score_threshold(
         test = _scored(draw.image, draw.sinogram, projector, information, diameter=diameter, floor=1.0)
         largest.append(abs(test.strongest_within(mask).t))
     return float(np.quantile(largest, level))
-
-
-def cross_view_score(
-    reconstruct: ReconstructViews,
-    sinogram: Sinogram,
-    projector: Projector,
-    *,
-    diameter: float = 8.0,
-    floor: float = 1.0,
-) -> ScoreTest:
-    """Reconstruct from the even views and test the image on the odd ones, whose noise it has never seen.
-
-    T is not made smaller by the fit, but larger: the noise of the image adds to that of the data. With half of the
-    data for each, it finds less than `score_test`; report both.
-
-    Args:
-        reconstruct: The reconstruction, for any set of views.
-        sinogram: All data.
-        projector: A of all views.
-        diameter: Of the disc, mm.
-        floor: As for `score_test`.
-
-    Returns:
-        The test of the image from the even views.
-
-    Raises:
-        ValueError: As for `score_test`; if there are fewer than two views, or the noise of the rays is correlated.
-    """
-    even, odd = split_views(sinogram, projector)
-    image = reconstruct(even.sinogram, even.projector)
-    return score_test(image, odd.sinogram, odd.projector, diameter=diameter, floor=floor)
 
 
 def _check(image: Image, sinogram: Sinogram, projector: Projector, diameter: float, floor: float) -> None:

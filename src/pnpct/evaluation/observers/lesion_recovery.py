@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pnpct.evaluation.data.realisations import Reconstruct, ray_weights
+from pnpct.evaluation.data.realisations import ray_weights
 from pnpct.geometry import ImageGrid, Lesion, disc_mask
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
@@ -76,6 +76,9 @@ def lesion_recovery(
 ) -> LesionRecovery:
     """Measure a lesion in the difference of two images.
 
+    A nonlinear reconstruction keeps another share of every contrast, size, sign and place: show
+    the curve, not a number.
+
     Args:
         present: Reconstructed from data with the lesion.
         absent: Reconstructed in the same way from the same data without it: the same noise.
@@ -117,40 +120,6 @@ def lesion_recovery(
         spill=float((ring * change).sum() / ring.sum()) / lesion.contrast_hu,
         distant_hu=math.sqrt(float(change[distant].square().mean())),
     )
-
-
-def contrast_recovery(
-    reconstruct: Reconstruct,
-    sinogram: Sinogram,
-    projector: Projector,
-    lesion: Lesion,
-    *,
-    twin: Sinogram | None = None,
-) -> LesionRecovery:
-    """Reconstruct data with and without a lesion, and measure what is left of it.
-
-        recovered = mean over the core (0.6 radii) of x(y′) − x(y), over the contrast
-
-    A nonlinear reconstruction keeps another share of every contrast, size, sign and place: show the curve, not a
-    number. For many lesions in one scan reconstruct the scan once, and use `insert_lesion` and `lesion_recovery`.
-
-    Args:
-        reconstruct: The reconstruction.
-        sinogram: The data without the lesion.
-        projector: A.
-        lesion: What is in the other data.
-        twin: The same scan with the lesion, simulated with the same seed; if None the lesion is put into the line
-            integrals by `insert_lesion`.
-
-    Returns:
-        How much of it is there, and what else has changed.
-
-    Raises:
-        ValueError: If the lesion is not wholly on the grid or has no contrast, no pixel is farther than 20 mm from
-            it, or the noise of the rays is correlated and there is no twin.
-    """
-    present = insert_lesion(sinogram, projector, lesion) if twin is None else twin
-    return lesion_recovery(reconstruct(present), reconstruct(sinogram), lesion, projector.grid)
 
 
 def _check_inside(lesion: Lesion, grid: ImageGrid) -> None:

@@ -149,29 +149,3 @@ def repeat_scan_floor(
         for first, second in itertools.combinations(repeats, 2)
     ]
     return math.fsum(distances) / len(distances)
-
-
-def histogram_entropy(
-    image: Image,
-    *,
-    window: tuple[float, float] = (-120.0, 180.0),
-    mask: Bool[Tensor, "..."] | None = None,
-    levels: int = 256,
-) -> float:
-    """Return the entropy of the gray values, −Σₖ hₖ log₂ hₖ; the entropy of a GLCM is another quantity.
-
-    Args:
-        image: Attenuation relative to water.
-        window: Lowest and highest value that is told apart, HU.
-        mask: Where to count, of the image's shape; everywhere if None.
-        levels: Number of bins, 2 to 256.
-
-    Returns:
-        Bits, from 0 to log₂ levels.
-
-    Raises:
-        ValueError: As `gray_histogram`.
-    """
-    shares = gray_histogram(image, window=window, mask=mask, levels=levels)
-    shares = shares[shares > 0]
-    return abs(float((shares * np.log2(shares)).sum()))
