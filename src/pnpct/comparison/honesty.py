@@ -26,6 +26,7 @@ from pnpct.evaluation import (
     score_test,
     split_views,
 )
+from pnpct.evaluation.data.consistency import CORRELATED
 from pnpct.evaluation.data.disc_information import disc_information
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
@@ -191,7 +192,7 @@ def _residual(evidence: Evidence, name: str, image: Image) -> Iterator[Check]:
     """
     trusted = evidence.trusted
     found = consistency(image, evidence.sinogram, evidence.projector, floor=evidence.floor)
-    high = None if trusted is None else found.band[1]
+    high = None if trusted is None else found.largest_ratio
     says = (
         f"The residual's chi-square is {found.ratio:.3f}; without a trusted image its due size is not known."
         if trusted is None
@@ -204,7 +205,7 @@ def _residual(evidence: Evidence, name: str, image: Image) -> Iterator[Check]:
         says = f"Residuals of neighbouring {along} correlate by {value:+.2f}"
         if trusted is not None:
             due: float = getattr(trusted, f"along_{along}")
-            high = found.correlation_band[1] + max(0.0, due)
+            high = CORRELATED + max(0.0, due)
             says += f", those of the truth by {due:+.2f}"
         verdict = _verdict(evidence, high is None or value <= high)
         says += "; structure that the image lacks or invents makes them alike."

@@ -125,7 +125,7 @@ def _definitions(results: Sequence[CaseResults], plan: Plan) -> dict[str, Any]:
             "largest_cross_view_t": LARGEST_HELD_OUT_T,
             "prior_off_share_of_penalty": WEAKER,
         },
-        "residual": {"least_line_integral": OBJECT, "correlation_above_truth": CORRELATED, "fitted_degrees": None},
+        "residual": {"least_line_integral": OBJECT, "correlation_above_truth": CORRELATED},
         "lesion_recovery": {"passes": RECOVERED, "least_d_prime": LEAST_D_PRIME},
         "plan": asdict(plan),
     }

@@ -1,6 +1,6 @@
 """What an image is worth: distances from a reference, texture, noise, sharpness, and how well lesions are found."""
 
-from pnpct.evaluation.data.consistency import Consistency, Verdict, consistency, fitted_degrees
+from pnpct.evaluation.data.consistency import Consistency, Verdict, consistency
 from pnpct.evaluation.data.prior_sweep import PriorDriven, prior_sweep
 from pnpct.evaluation.data.realisations import (
     HalfScan,
@@ -104,7 +104,6 @@ __all__ = [
     "earth_movers_distance",
     "errors_by_tissue",
     "evaluate",
-    "fitted_degrees",
     "gray_histogram",
     "insert_lesion",
     "laguerre_gauss_channels",

@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-import torch
 from jaxtyping import Bool
 from torch import Tensor
 
 from pnpct.arrays import Image, Rays
-from pnpct.evaluation.data.realisations import Reconstruct, ray_weights
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 
@@ -22,7 +20,7 @@ CORRELATED = 0.1
 WEIGHTS = 0.01
 """Relative error of weights from smoothed counts; of ten thousand rays it would be seen."""
 
-Verdict: TypeAlias = Literal["consistent", "data overridden", "noise fitted", "residual correlated"]
+Verdict: TypeAlias = Literal["consistent", "data overridden", "residual correlated"]
 """What a residual says of an image."""
 
 
@@ -30,34 +28,29 @@ Verdict: TypeAlias = Literal["consistent", "data overridden", "noise fitted", "r
 class Consistency:
     """The weighted residual of an image, in figures.
 
+    There are upper limits only. A reconstruction that fits the noise makes chi2 smaller, and neighbouring residuals
+    negatively correlated; by how much is not known here.
+
     Args:
         chi2: Mean of the squared weighted residual; 1 for the truth if weights are inverse variances.
         rays: How many it is the mean of, M.
         along_views: Correlation of the residuals of one bin in neighbouring views, −1 to 1.
         along_bins: Correlation of the residuals of neighbouring bins, −1 to 1.
-        fitted: Degrees of freedom that the reconstruction has taken out of the noise, see `fitted_degrees`; None if
-            unknown: then only upper ends are tested, and fitted noise is not noticed.
         floor: chi2 of a trusted image on the same data, by which chi2 is divided.
 
     Raises:
-        ValueError: If `floor` is not positive, or `fitted` is not a number of degrees below that of rays.
+        ValueError: If `floor` is not positive.
     """
 
     chi2: float
     rays: int
     along_views: float
     along_bins: float
-    fitted: float | None = None
     floor: float = 1.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.floor) and self.floor > 0):
             raise ValueError(f"The floor is the chi2 of a trusted image, a positive number, got {self.floor}.")
-        if self.fitted is not None and not self.fitted < self.rays:
-            raise ValueError(
-                f"Of {self.rays} rays fewer degrees of freedom can be fitted, got {self.fitted}; were they estimated "
-                "on other rays?"
-            )
 
     @property
     def ratio(self) -> float:
@@ -65,44 +58,19 @@ class Consistency:
         return self.chi2 / self.floor
 
     @property
-    def standard_error(self) -> float:
-        """Standard deviation of the ratio for independent Gaussian noise, √(2/M)."""
-        return math.sqrt(2 / self.rays)
+    def largest_ratio(self) -> float:
+        """What noise alone explains: 1, plus 3 standard deviations √(2/M) of the ratio, plus 1 % for the weights.
 
-    @property
-    def band(self) -> tuple[float, float]:
-        """Between what the ratio must be: from 1 − fitted/M to 1, by 3 standard errors and 1 % wider on either side.
-
-        The 1 % is for the weights: those of `take_log` give the truth 1.003 to 1.006 with 984 views and 900 bins.
+        Those of `take_log` give the truth 1.003 to 1.006 with 984 views and 900 bins.
         """
-        margin = 3 * self.standard_error + WEIGHTS
-        low = 0.0 if self.fitted is None else 1 - self.fitted / self.rays - margin
-        return low, 1 + margin
-
-    @property
-    def correlation_band(self) -> tuple[float, float]:
-        """Between what both correlations must be.
-
-        Structure that the image lacks makes them positive. A fit of the noise makes them negative, by at most f/(1 − f)
-        for a linear reconstruction that takes out a share f of it.
-        """
-        if self.fitted is None:
-            return -1.0, CORRELATED
-        share = max(self.fitted, 0.0) / self.rays
-        return max(-1.0, -CORRELATED - share / (1 - share)), CORRELATED
+        return 1 + 3 * math.sqrt(2 / self.rays) + WEIGHTS
 
     @property
     def verdict(self) -> Verdict:
         """What it means; "consistent" does not say that every detail is true, see `score_test`."""
-        low, high = self.band
-        if self.ratio > high:
+        if self.ratio > self.largest_ratio:
             return "data overridden"
-        if self.ratio < low:
-            return "noise fitted"
-        least, most = self.correlation_band
-        if any(not least <= value <= most for value in (self.along_views, self.along_bins)):
-            return "residual correlated"
-        return "consistent"
+        return "residual correlated" if max(self.along_views, self.along_bins) > CORRELATED else "consistent"
 
 
 def consistency(
@@ -110,7 +78,6 @@ def consistency(
     sinogram: Sinogram,
     projector: Projector,
     *,
-    fitted: float | None = None,
     floor: float = 1.0,
 ) -> Consistency:
     """Compare the projection of an image with the data.
@@ -131,14 +98,13 @@ def consistency(
         image: Attenuation relative to water; all views of the sinogram are compared with it.
         sinogram: The data; rays of weight 0 do not count.
         projector: A.
-        fitted: Degrees of freedom of the reconstruction, from `fitted_degrees`.
         floor: chi2 of a trusted image, > 0.
 
     Returns:
         The figures and the verdict.
 
     Raises:
-        ValueError: If no neighbouring rays see the object, `floor` is not positive or `fitted` is too large.
+        ValueError: If no neighbouring rays see the object, or `floor` is not positive.
 
     Example:
         >>> from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
@@ -160,62 +126,8 @@ def consistency(
         rays=rays,
         along_views=_correlation(residual, seen, dim=-2),
         along_bins=_correlation(residual, seen, dim=-1),
-        fitted=fitted,
         floor=floor,
     )
-
-
-def fitted_degrees(
-    reconstruct: Reconstruct,
-    sinogram: Sinogram,
-    projector: Projector,
-    *,
-    generator: torch.Generator,
-    probes: int = 1,
-    step: float = 0.1,
-) -> float:
-    """Estimate how much of the noise a reconstruction takes out of its residual, with random probes.
-
-    For v of random signs and J = √W A (∂x/∂y) √W⁻¹, by finite differences,
-
-        fitted = E[‖v‖² − ‖v − J v‖²] = tr(2J − JᵀJ)     so that     E chi2 = 1 − fitted/M
-
-    for a linear reconstruction without bias. It is tr J, as is often written, only where J is a projection.
-
-    Args:
-        reconstruct: The reconstruction; give it a fixed number of iterations, for a rule that stops earlier or later
-            by a hair is no derivative.
-        sinogram: The data; noise is moved in all rays and counted in those of `consistency`.
-        projector: A.
-        generator: Source of the signs, on the device of the data.
-        probes: How many, at least 1; each costs a reconstruction, and a thousand fitted degrees are known to a few
-            per cent by one.
-        step: How far the data are moved, in standard deviations, > 0.
-
-    Returns:
-        Degrees of freedom, to be handed to `consistency`.
-
-    Raises:
-        ValueError: If `probes` or `step` is out of its range, or the noise of the rays is correlated.
-
-    References:
-        Hutchinson, Commun. Stat. Simul. Comput. 19 (1990) 433; Ramani, Blu and Unser, IEEE Trans. Image Process. 17
-        (2008) 1540: the same for any denoiser. Hastie and Tibshirani, Generalized Additive Models (1990), section 3.5:
-        degrees of freedom for the residual.
-    """
-    if probes < 1 or not (math.isfinite(step) and step > 0):
-        raise ValueError(f"At least one probe and a positive step are needed, got {probes} and {step}.")
-    y, weights = sinogram.line_integrals, ray_weights(sinogram)
-    seen = _counted(sinogram).expand(y.shape)
-    inverse = torch.where(weights > 0, weights, torch.inf).rsqrt()
-    before = projector(reconstruct(sinogram))
-    total = 0.0
-    for _ in range(probes):
-        signs = torch.randint(2, y.shape, generator=generator, device=y.device).to(y) * 2 - 1
-        moved = projector(reconstruct(Sinogram(y + step * inverse * signs, sinogram.weights)))
-        left = signs - weights.sqrt() * (moved - before) / step
-        total += float((1 - left[seen].double().square()).sum())
-    return total / probes
 
 
 def _counted(sinogram: Sinogram) -> Bool[Tensor, "*batch views bins"]:
