@@ -10,7 +10,6 @@ from pnpct.evaluation import (
     GLCMSpec,
     Patch,
     TextureChange,
-    noise_power_of_one,
     oversmoothing_warnings,
     rank_by_closeness,
     texture_change,
@@ -76,20 +75,6 @@ def test_only_beyond_the_reference_on_the_smooth_side_is_overshoot(changes: dict
     assert not overshoots(replace(homogeneity, closeness=None))
     assert not overshoots(replace(homogeneity, method=0.0))
     assert not overshoots(replace(homogeneity, reference=None))
-
-
-def test_noise_that_is_much_coarser_is_warned_of() -> None:
-    white = np.random.default_rng(1).normal(size=(128, 128)) / 100
-    plain, coarse = (
-        noise_power_of_one(torch.from_numpy(1 + image), spacing=0.5, size=32).radial()
-        for image in (white, gaussian_filter(white, 1.0))
-    )
-    good = compare(scans(18.0, seed=5))
-    assert oversmoothing_warnings(good, noise=(plain, plain)) == ()
-    assert "mean frequency" in oversmoothing_warnings(good, noise=(coarse, plain))[0]
-    assert oversmoothing_warnings(good, noise=(coarse, plain), least_ratio=0.1) == ()
-    with pytest.raises(ValueError, match="0 to 1"):
-        oversmoothing_warnings(good, least_ratio=2.0)
 
 
 def test_one_case_has_no_closeness_and_is_still_warned_of() -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-from pnpct.evaluation.observers.noise_power import RadialPower
 from pnpct.evaluation.texture.change import FeatureChange, TextureChange
 
 GROWS_WITH_SMOOTHING = {
@@ -24,29 +23,19 @@ def overshoots(change: FeatureChange) -> bool:
     return (change.method > change.reference) == GROWS_WITH_SMOOTHING[change.feature]
 
 
-def oversmoothing_warnings(
-    change: TextureChange, *, noise: tuple[RadialPower, RadialPower] | None = None, least_ratio: float = 0.8
-) -> tuple[str, ...]:
+def oversmoothing_warnings(change: TextureChange) -> tuple[str, ...]:
     """Say in what respect a method is smoother than the reference.
 
-    Three things count: a texture feature that overshoots the reference (`overshoots`), `TextureChange.oversmoothed`,
-    and noise so much coarser that its mean frequency is below a share of the reference's. Against a reference with
-    noise of its own even the truth is over-smooth: a warning asks for a look at contrast recovery and detectability,
-    it does not replace them.
+    Two things count: a texture feature that overshoots the reference (`overshoots`), and `TextureChange.oversmoothed`.
+    Against a reference with noise of its own even the truth is over-smooth: a warning asks for a look at contrast
+    recovery and detectability, it does not replace them.
 
     Args:
         change: Texture of the method against FBP and the reference.
-        noise: Noise power of the method and of the reference; None if it was not measured.
-        least_ratio: Share of the mean frequency below which noise counts as coarse, 0 to 1.
 
     Returns:
         One sentence for each respect; none if there is nothing to warn of.
-
-    Raises:
-        ValueError: If `least_ratio` is out of its range.
     """
-    if not 0 <= least_ratio <= 1:
-        raise ValueError(f"least_ratio must be a share from 0 to 1, got {least_ratio}.")
     warnings = [
         f"Over-smoothed: {each.feature} is {each.method:.3g}, beyond {each.reference:.3g} of the reference and farther "
         f"from it than {each.fbp:.3g} of FBP."
@@ -55,12 +44,6 @@ def oversmoothing_warnings(
     ]
     if change.oversmoothed and not warnings:
         warnings.append("Over-smoothed: contrast is below, and homogeneity far above that of the reference.")
-    if noise is not None:
-        method, reference = (power.mean_frequency for power in noise)
-        if method < least_ratio * reference:
-            warnings.append(
-                f"Over-smoothed: the noise has a mean frequency of {method:.3g}/mm, the reference {reference:.3g}/mm."
-            )
     return tuple(warnings)
 
 
