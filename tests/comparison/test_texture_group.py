@@ -52,7 +52,6 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Comparison:
     return summarise(cases, plan, provenance=Provenance(["test"], "0.1.0"))
 
 
-# E3
 def test_a_constant_and_a_blurred_fbp_are_never_first_and_are_warned_of(comparison: Comparison) -> None:
     for words in ("40 mA", "100 mA"):
         group = comparison.texture_change[words]

@@ -31,7 +31,7 @@ each = partial(pytest.mark.parametrize, "of", [by_fbp, by_tv])
 
 @each()
 def test_20_hu_more_in_the_body_are_20_hu_more_in_the_image(of: Reconstruct) -> None:
-    """E17: the projection of 20 HU over the whole body comes back as 20 HU."""
+    """The projection of 20 HU over the whole body comes back as 20 HU."""
     body = (SLICE.truth > 0).float()
     offset = Sinogram(DATA.line_integrals + SLICE.projector(0.02 * body), DATA.weights)
     assert 1000 * float((of(offset) - of(DATA))[DEEP].mean()) == pytest.approx(20.0, abs=1.0)
@@ -39,7 +39,7 @@ def test_20_hu_more_in_the_body_are_20_hu_more_in_the_image(of: Reconstruct) -> 
 
 @each()
 def test_a_turned_object_gives_the_turned_image(of: Reconstruct) -> None:
-    """E17: views begun a quarter of a turn later are the scan of an object that is turned back by as much.
+    """Views begun a quarter of a turn later are the scan of an object that is turned back by as much.
 
     The difference stays below half the standard deviation of the image.
     """

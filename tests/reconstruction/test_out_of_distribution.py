@@ -1,4 +1,4 @@
-"""E16: plug-and-play with total variation on what no training set holds, against FBP with whichever kernel is best.
+"""Plug-and-play with total variation on what no training set holds, against FBP with whichever kernel is best.
 
 One strength serves everything. RMSE counts over the whole image and, since the skin line decides there, over the inside
 of the body alone.
@@ -101,7 +101,6 @@ def images(
     return Images(expected, by_fbp, reconstruct(sinogram, projector, TotalVariation(strength)))
 
 
-# E16
 @pytest.mark.parametrize("name", ["shapes", "wires", "water", "air"])
 def test_shapes_wires_and_nothing_are_no_worse_than_by_fbp(name: str) -> None:
     found = images(name)
@@ -109,7 +108,6 @@ def test_shapes_wires_and_nothing_are_no_worse_than_by_fbp(name: str) -> None:
     found.check(INSIDE)
 
 
-# E16
 def test_over_the_ladder_of_doses_it_is_no_worse_than_fbp_and_changes_smoothly() -> None:
     ladder = [images("shapes", tube_current_ma=dose) for dose in (20.0, 50.0, 100.0, 300.0, 800.0)]
     for found in ladder:
@@ -121,7 +119,6 @@ def test_over_the_ladder_of_doses_it_is_no_worse_than_fbp_and_changes_smoothly()
     assert max(biases) - min(biases) < 1.0
 
 
-# E16
 @pytest.mark.parametrize("tube_voltage_kvp", [80.0, 100.0, 140.0])
 def test_another_tube_voltage_is_no_worse_than_by_fbp(tube_voltage_kvp: float) -> None:
     found = images("shapes", tube_voltage_kvp=tube_voltage_kvp)
@@ -129,7 +126,6 @@ def test_another_tube_voltage_is_no_worse_than_by_fbp(tube_voltage_kvp: float) -
     found.check(INSIDE)
 
 
-# E16
 def test_a_titanium_rod_disturbs_what_is_far_from_it_less_than_by_fbp() -> None:
     found = images("rod", tube_current_ma=200.0)
     for region in (FAR, FAR & INSIDE):
@@ -138,7 +134,6 @@ def test_a_titanium_rod_disturbs_what_is_far_from_it_less_than_by_fbp() -> None:
         assert disturbed[-1] <= min(disturbed[:-1])
 
 
-# E16
 def test_in_water_no_blob_is_larger_than_by_fbp() -> None:
     found = images("water", tube_current_ma=20.0)
     for blur in (Gaussian(0.0), Gaussian(1.0)):  # single pixels, and blobs of 4 mm

@@ -13,7 +13,7 @@ SLICE = low_dose_slice()
 
 
 def test_the_truth_has_a_chi2_of_one() -> None:
-    """E12: within three standard errors of 1, with the true variances."""
+    """Within three standard errors of 1, with the true variances."""
     for seed in range(5):
         found = consistency(SLICE.truth, SLICE.sinogram(seed=seed), SLICE.projector)
         assert abs(found.chi2 - 1) < 3 * math.sqrt(2 / found.rays)

@@ -35,7 +35,7 @@ def test_the_information_of_a_disc_is_that_of_its_projection(diameter: float) ->
 
 
 def test_a_fake_disc_is_found_at_its_place_with_its_size() -> None:
-    """E13: a disc that is worth six standard deviations gives T = −6 there, plus the noise of the data."""
+    """A disc that is worth six standard deviations gives T = −6 there, plus the noise of the data."""
     clean = SLICE.sinogram(seed=None)
     worth_6 = 6 * float(score_test(SLICE.truth, clean, PROJECTOR, diameter=12.0).verifiable_hu[AT]) / 4
     faked = SLICE.truth + worth_6 / 1000 * disc(12.0)
@@ -67,7 +67,6 @@ def test_t_of_the_truth_is_standard_normal() -> None:
 
 
 def test_the_verifiable_contrast_falls_with_the_root_of_the_dose() -> None:
-    """E14."""
     once, twice = (
         score_test(SLICE.truth, SLICE.sinogram(quanta=quanta), PROJECTOR).verifiable_hu for quanta in (1e4, 2e4)
     )

@@ -37,7 +37,6 @@ def test_only_what_is_in_the_mask_counts(disk: torch.Tensor) -> None:
     assert bias_hu(image, disk, mask=~mask) == pytest.approx(1000.0, rel=1e-6)
 
 
-# E6
 @pytest.mark.parametrize("window", WINDOWS.values())
 def test_scikit_image_agrees_on_the_windowed_images(
     pair: tuple[torch.Tensor, torch.Tensor], window: tuple[float, float]
@@ -54,7 +53,6 @@ def test_scikit_image_agrees_on_the_windowed_images(
     assert ssim(image, reference, window=window) == pytest.approx(expected, abs=1e-6)
 
 
-# E6
 @pytest.mark.parametrize("metric", [psnr, ssim])
 def test_the_range_of_the_data_must_be_stated(metric: object, disk: torch.Tensor) -> None:
     with pytest.raises(TypeError, match="window"):

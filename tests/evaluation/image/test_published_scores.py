@@ -33,7 +33,6 @@ def windowed(image: torch.Tensor, level: float, width: float) -> np.ndarray:
     return np.where(stored <= center - 0.5 - (width - 1) / 2, 0, inside)
 
 
-# E6
 @pytest.mark.parametrize(("exam", "level", "width"), [("chest", -600, 1500), ("abdomen", 50, 400), ("head", 40, 80)])
 def test_scikit_image_agrees_with_the_scores_of_ldct_benchmark(
     pair: tuple[torch.Tensor, torch.Tensor], exam: str, level: float, width: float
@@ -45,7 +44,6 @@ def test_scikit_image_agrees_with_the_scores_of_ldct_benchmark(
     assert ssim_ldctbench(*pair, exam=exam) == pytest.approx(np.mean(ssim), abs=1e-6)
 
 
-# E6
 def test_scikit_image_agrees_with_the_scores_of_lodopab(pair: tuple[torch.Tensor, torch.Tensor]) -> None:
     a, b = (((one.numpy() - 1) * (20 - 0.02) + 20) / 81.35858 for one in pair)
     b = b.clip(0, 1)
@@ -87,7 +85,7 @@ def test_equal_images_have_no_error(pair: tuple[torch.Tensor, torch.Tensor]) -> 
 
 
 def test_what_cannot_be_scored_is_refused(disk: torch.Tensor) -> None:
-    with pytest.raises(TypeError, match="exam"):  # E6: no range, no score
+    with pytest.raises(TypeError, match="exam"):  # no range, no score
         psnr_ldctbench(disk, disk)
     with pytest.raises(ValueError, match="constant has no range"):
         psnr_lodopab(disk, torch.ones_like(disk))

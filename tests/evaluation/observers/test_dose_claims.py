@@ -66,7 +66,6 @@ def study() -> Study:
     return Study(InsertScans(present, absent, INSERTS, grid), projector)
 
 
-# E9
 def test_detectability_of_fbp_grows_with_the_root_of_dose(study: Study) -> None:
     for curve in dose_curves(study.by_blur(0.0)).values():
         law = curve.fit()
@@ -74,7 +73,6 @@ def test_detectability_of_fbp_grows_with_the_root_of_dose(study: Study) -> None:
         assert law.slope_error < 0.04
 
 
-# E10
 @pytest.mark.parametrize("blur", [1.0, 2.0])
 def test_a_blur_saves_no_dose(study: Study, blur: float) -> None:
     reference = best_references(dose_curves(study.by_blur(0.0)), full_dose=FULL)
@@ -94,7 +92,6 @@ def test_a_blur_saves_no_dose(study: Study, blur: float) -> None:
     assert found.least.reduction.low < 0 <= found.least.reduction.high + 0.1
 
 
-# E10
 def test_an_observer_that_does_not_prewhiten_is_fooled_by_a_blur(study: Study) -> None:
     plain = {(record.insert, record.tube_current_ma): record for record in study.by_blur(0.0)}
     fooled = [
@@ -105,7 +102,7 @@ def test_an_observer_that_does_not_prewhiten_is_fooled_by_a_blur(study: Study) -
     assert sum(fooled) >= 3, "an eighty per cent noise cut at a quarter of the dose should look like full dose"
 
 
-# E11: the program LCD_CT is on no package index. What follows is the textbook's observer, written anew with plain
+# The program LCD_CT is on no package index. What follows is the textbook's observer, written anew with plain
 # loops, an explicit polynomial, and one split into halves; it shares nothing with the package but the patches.
 def test_the_channelised_hotelling_observer_agrees_with_an_independent_one(study: Study) -> None:
     images: list[torch.Tensor] = []

@@ -79,7 +79,7 @@ def test_a_twin_scan_and_an_insertion_agree() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kernel", ["ram-lak", "hann", "soft"])
 def test_fbp_recovers_what_its_transfer_lets_through(kernel: Kernel) -> None:
-    """E15, for FBP: within 0.05 of the band-limited disc."""
+    """Within 0.05 of the band-limited disc."""
     fine = low_dose_slice(128)
     edge = disc((0.0, 0.0), 30.0, fine.grid)
     transfer = task_transfer(
@@ -133,7 +133,7 @@ def best_d_prime(fine: Slice, without: dict[Kernel, torch.Tensor], lesion: Lesio
 
 @pytest.mark.slow
 def test_a_weak_prior_keeps_what_fbp_can_show_and_the_one_of_least_error_does_not() -> None:
-    """E15, for plug-and-play: 0.8 of every lesion that FBP would show with a d′ of 3.
+    """At least 0.8 of every lesion that FBP would show with a d′ of 3.
 
     Discs of 12 and 16 mm, for a pixel has 2.5 mm: of 8 mm the core is one pixel, and soft FBP keeps 0.67 itself.
     """

@@ -20,7 +20,7 @@ def image(noise_hu: np.ndarray) -> torch.Tensor:
 
 @pytest.mark.parametrize("blur", [0.0, 1.2])
 def test_the_integral_is_the_variance(blur: float) -> None:
-    """E7: Parseval, within 2 %."""
+    """Parseval, within 2 %."""
     hu = noise(20, blur=blur)
     measured = noise_power_of_repeats(image(hu), spacing=SPACING)
     assert measured.variance == pytest.approx(hu.var(axis=0, ddof=1).mean(), rel=1e-9)
@@ -28,7 +28,6 @@ def test_the_integral_is_the_variance(blur: float) -> None:
 
 
 def test_white_noise_is_flat_at_its_variance_times_the_area_of_a_pixel() -> None:
-    """E7: white noise."""
     radial = noise_power_of_repeats(image(noise(64)), spacing=SPACING).radial()
     assert radial.power[3:] == pytest.approx(400 * SPACING**2, rel=0.06)
     nyquist = 0.5 / SPACING

@@ -28,7 +28,7 @@ def measure(image: np.ndarray, **options) -> TaskTransfer:
 
 @pytest.mark.parametrize("sigma", [0.35, 0.6, 1.0])
 def test_a_gaussian_blur_has_its_transfer(sigma: float) -> None:
-    """E7: exp(−2π²σ²f²) within 0.03 down to a tenth."""
+    """The transfer is exp(−2π²σ²f²) within 0.03 down to a tenth."""
     measured = measure(disc(sigma))
     expected = np.exp(-2 * np.pi**2 * sigma**2 * measured.frequencies**2)
     upto = expected >= 0.1

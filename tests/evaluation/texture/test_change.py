@@ -45,7 +45,7 @@ def changes() -> dict[str, TextureChange]:
 
 
 def test_percentages_follow_from_the_printed_means(changes: dict[str, TextureChange]) -> None:
-    """E2: to 1e-9, from what is written as JSON with its hash."""
+    """To 1e-9, from textures written as JSON with its hash."""
     for change in changes.values():
         printed = json.loads(json.dumps(asdict(change)))
         assert printed["spec_hash"] == SPEC.hash

@@ -44,7 +44,7 @@ def by_hand(levels: np.ndarray, spec: GLCMSpec) -> dict[str, float]:
     [(1, 0.0, 7 / 12), (1, math.pi / 2, 1.0), (2, 0.0, 1.25), (2, math.pi / 2, 2.75)],
 )
 def test_haralicks_toy_has_its_printed_contrast(distance: int, angle: float, contrast: float) -> None:
-    """E1: the toy image of 4 × 4 pixels with which Haralick explains the matrix."""
+    """The toy image of 4 × 4 pixels with which Haralick explains the matrix."""
     toy = torch.tensor([[0, 0, 1, 1], [0, 0, 1, 1], [0, 2, 2, 2], [2, 2, 3, 3]], dtype=torch.float64)
     spec = GLCMSpec(window=(0.0, 4.0), levels=4, distances=(distance,), angles=(angle,), patch=4)
     assert texture_features(from_hu(toy + 0.5), CORNER, spec=spec).contrast == pytest.approx(contrast, abs=1e-12)
@@ -73,7 +73,7 @@ def test_scikit_image_agrees_patch_by_patch() -> None:
 
 
 def test_half_the_noise_has_a_quarter_of_the_contrast_unless_each_patch_is_stretched() -> None:
-    """E4: within 5 %, and the trap of stretching each patch to its own range."""
+    """Within 5 %, and the trap of stretching each patch to its own range."""
     loud, quiet = noisy(20.0), noisy(10.0)
     ratio = texture_features(quiet, CORNER).contrast / texture_features(loud, CORNER).contrast
     assert ratio == pytest.approx(0.25, rel=0.05)

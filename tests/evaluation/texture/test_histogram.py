@@ -18,7 +18,6 @@ def test_levels_are_equal_bins_of_the_window_and_its_top_is_the_last() -> None:
 
 
 def test_the_distance_is_zero_to_itself_and_symmetric() -> None:
-    """E5: the first two of three identities."""
     a, b = noisy(20, 1), noisy(40, 2)
     assert earth_movers_distance(a, a) == 0.0
     assert earth_movers_distance(a, b) == earth_movers_distance(b, a) > 0
@@ -26,7 +25,6 @@ def test_the_distance_is_zero_to_itself_and_symmetric() -> None:
 
 @pytest.mark.parametrize("bins", [1, 7, 40])
 def test_a_shift_by_k_bins_is_k_over_255(bins: int) -> None:
-    """E5: the third."""
     image = from_hu(-120 + 300 / 256 * (torch.randint(0, 200, (32, 32), dtype=torch.float64) + 0.5))
     assert earth_movers_distance(image + bins * 300 / 256 / 1000, image) == pytest.approx(bins / 255, abs=1e-12)
 

@@ -43,7 +43,6 @@ def changes() -> dict[str, TextureChange]:
     return {"constant": compare([np.full((32, 32), 1.04)] * 5), **blurred, "fbp": compare(fbp)}
 
 
-# E3
 def test_a_constant_and_a_blurred_fbp_are_never_first(changes: dict[str, TextureChange]) -> None:
     assert rank_by_closeness(changes)[0] == "fbp"
     better = {**changes, "good": compare(scans(18.0, seed=5))}
@@ -52,7 +51,6 @@ def test_a_constant_and_a_blurred_fbp_are_never_first(changes: dict[str, Texture
     assert max(changes, key=lambda name: changes[name].closeness) == "blur 0.7"
 
 
-# E3
 def test_a_constant_and_a_blurred_fbp_are_warned_of_and_nothing_else_is(changes: dict[str, TextureChange]) -> None:
     for name, change in changes.items():
         assert bool(oversmoothing_warnings(change)) == (name != "fbp"), name
