@@ -1,4 +1,8 @@
-"""What an image is worth: distances from a reference, texture, noise, sharpness, and how well lesions are found."""
+"""What an image is worth: distances from a reference, texture, noise, sharpness, and how well lesions are found.
+
+Leading dimensions of an image are realisations or objects that have nothing to do with each other; measures of a single
+image average over them, and `repeats` or `pairs` in a shape says where they are compared.
+"""
 
 from pnpct.evaluation.data.consistency import Consistency, Verdict, consistency
 from pnpct.evaluation.data.prior_sweep import PriorDriven, prior_sweep

@@ -17,7 +17,7 @@ from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 
 VERIFIABLE = 4.0
-"""Standard deviations that a contrast must have to be told from noise somewhere in an image."""
+"""Contrast, in standard deviations, that stands out from the noise anywhere in an image."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def score_threshold(
     realisations: int = 40,
     level: float = 0.95,
 ) -> float:
-    """Return the |T| that an honest image of this reconstruction exceeds somewhere with a small probability.
+    """Return the |T| that this reconstruction exceeds somewhere with a small probability if its image is right.
 
     Data are drawn as if the image were the object, reconstructed again and tested (`parametric_bootstrap`). Above the
     threshold, the image has left the data where this reconstruction usually does not.
@@ -156,7 +156,7 @@ def score_threshold(
         diameter: Of the disc, mm.
         mask: Where |T| is looked at; everywhere if None.
         realisations: At least 2; each costs a reconstruction. The 95 % quantile needs 40 or more.
-        level: Probability that an honest image stays below, between 0 and 1.
+        level: Probability to stay below, between 0 and 1.
 
     Returns:
         The quantile of max |T|.

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from pnpct.arrays import Image
+from pnpct.evaluation.image.hounsfield import check_window
 from pnpct.evaluation.image.regions import Mask, body_mask, soft_tissue_mask
 from pnpct.units import to_hu
 
@@ -16,7 +17,7 @@ Metric: TypeAlias = Callable[[Image, Image], float]
 """From an image and its reference to one number."""
 
 Window: TypeAlias = tuple[float, float]
-"""The lowest and the highest HU value that is told apart."""
+"""Lower and upper end of a display window, HU."""
 
 WINDOWS: dict[str, Window] = {
     "abdomen": (-160.0, 240.0),  # level 40, width 400
@@ -40,7 +41,7 @@ def rmse_hu(image: Image, reference: Float[Tensor, "..."], *, mask: Bool[Tensor,
         mask: Where to count, of the same shape; everywhere if None.
 
     Returns:
-        √mean((HU − HU_reference)²), over the whole batch.
+        √mean((HU − HU_reference)²), over all pixels and all leading dimensions (realisations or independent objects).
 
     Raises:
         ValueError: If the shapes differ or a number is not finite; NoSuchTissueError if the mask is empty.
@@ -72,7 +73,7 @@ def psnr(
         mask: Where to count, of the same shape; everywhere if None.
 
     Returns:
-        Decibels, over the whole batch; infinite if the images agree in the window.
+        Decibels, from the mean over all leading dimensions; infinite if the images agree in the window.
 
     Raises:
         ValueError: If the shapes differ, a number is not finite, the window has no width, or the mask is empty.
@@ -102,7 +103,7 @@ def ssim(
         mask: The pixels to average over, of the same shape; all if None. Their surroundings count in any case.
 
     Returns:
-        A number from −1 to 1, averaged over the batch; 1 if the images agree in the window.
+        A number from −1 to 1, averaged over all leading dimensions; 1 if the images agree in the window.
 
     Raises:
         ValueError: If the shapes differ or are too small, a number is not finite, the window has no width, or the
@@ -139,8 +140,8 @@ METRICS: dict[str, Metric] = {
     "psnr_30_300": _within(psnr, body_mask, window=WINDOWS["mediastinum"]),
     "ssim_30_300": _within(ssim, body_mask, window=WINDOWS["mediastinum"]),
 }
-"""What `evaluate` measures unless told otherwise. Ratios and similarities have level and width of their window in their
-names and count in the body alone: air, which every method gets right, would raise them."""
+"""The default of `evaluate`. The names of PSNR and SSIM end in level and width of their window. Both are taken over the
+body alone: air, which every method gets right, would raise them."""
 
 
 def evaluate(
@@ -196,11 +197,9 @@ def _where(mask: Tensor | None, values: Tensor) -> Tensor:
 
 
 def _windowed(image: Tensor, reference: Tensor, window: Window) -> tuple[Tensor, Tensor]:
-    low, high = window
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise ValueError(f"A window goes from a lower to a higher value in HU, got {window}.")
+    check_window(window)
     image_hu, reference_hu = checked_hu(image, reference)
-    return image_hu.clamp(low, high), reference_hu.clamp(low, high)
+    return image_hu.clamp(*window), reference_hu.clamp(*window)
 
 
 def _local_mean(images: Tensor) -> Tensor:

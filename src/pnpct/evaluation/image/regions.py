@@ -18,7 +18,7 @@ Mask: TypeAlias = Bool[Tensor, "*batch rows cols"]
 
 
 def body_mask(reference: Image, *, threshold_hu: float = -500.0, opening: int = 3) -> Mask:
-    """Mark the patient: what is denser than lung, in one piece, with its holes filled.
+    """Return the mask of the patient: what is denser than lung, in one piece, with its holes filled.
 
     In each slice the pixels above the threshold are opened, so that a table that touches the skin comes off;
     the largest connected piece and everything it encloses (lungs, bowel gas) is the body.
@@ -39,7 +39,7 @@ def body_mask(reference: Image, *, threshold_hu: float = -500.0, opening: int = 
 
 
 def soft_tissue_mask(reference: Image, *, low_hu: float = -200.0, high_hu: float = 200.0, margin: int = 3) -> Mask:
-    """Mark fat, muscle, blood and organs inside the body, away from edges to lung, air and bone.
+    """Return the mask of fat, muscle, blood and organs in the body, away from edges to lung, air and bone.
 
     A pixel counts if it is in the body and everything nearer than `margin` pixels is between the limits:
     partial volume and ringing at the large edges are another quantity than the error in the tissue. Edges
@@ -50,7 +50,7 @@ def soft_tissue_mask(reference: Image, *, low_hu: float = -200.0, high_hu: float
         reference: Attenuation relative to water; the truth, or the best image there is.
         low_hu: Lower limit, HU; fat is at −100.
         high_hu: Upper limit, HU; trabecular bone begins here.
-        margin: Distance kept from what is outside the limits, pixels, ≥ 0.
+        margin: Distance from what is outside the limits, pixels, ≥ 0.
 
     Returns:
         The mask; empty where there is no such tissue.
@@ -58,8 +58,8 @@ def soft_tissue_mask(reference: Image, *, low_hu: float = -200.0, high_hu: float
 
     def soft(hu: NDArray[np.float64]) -> NDArray[np.bool_]:
         between = (hu > low_hu) & (hu < high_hu)
-        kept: NDArray[np.bool_] = ndimage.distance_transform_edt(between) > margin
-        return kept & between
+        deep: NDArray[np.bool_] = ndimage.distance_transform_edt(between) > margin
+        return deep & between
 
     inside = _slice_by_slice(soft, reference)
     return inside & body_mask(reference)
@@ -67,8 +67,8 @@ def soft_tissue_mask(reference: Image, *, low_hu: float = -200.0, high_hu: float
 
 def _slice_by_slice(region: Callable[[NDArray[np.float64]], NDArray[np.bool_]], reference: Image) -> Mask:
     slices = to_hu(reference.detach().double()).reshape(-1, *reference.shape[-2:]).cpu().numpy()
-    marked = np.stack([region(one) for one in slices])
-    return torch.from_numpy(marked).reshape(reference.shape).to(reference.device)
+    masks = np.stack([region(one) for one in slices])
+    return torch.from_numpy(masks).reshape(reference.shape).to(reference.device)
 
 
 def _opened(mask: NDArray[np.bool_], radius: int) -> NDArray[np.bool_]:

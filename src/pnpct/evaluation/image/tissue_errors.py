@@ -18,8 +18,8 @@ TISSUES: dict[str, Window] = {
     "soft tissue": (-30.0, 150.0),
     "bone": (150.0, 3100.0),
 }
-"""Ranges of the truth, HU, the upper end left out. Between lung and fat there is no tissue, but pixels that edges cut
-in two; a vessel with contrast medium counts as bone; metal counts nowhere."""
+"""Ranges of the truth, HU, without their upper ends. Values between lung and fat are partial volume and belong to no
+tissue. A vessel with contrast medium counts as bone; metal counts nowhere."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class TissueError:
     """How far an image is from its reference in one tissue.
 
     Args:
-        range_hu: Values of the reference that make the tissue, HU, the upper end left out.
+        range_hu: Values of the reference in this tissue, HU, without the upper end.
         pixels: How many there are.
         rmse_hu: Root mean square difference, HU.
         bias_hu: Mean of image minus reference, HU.

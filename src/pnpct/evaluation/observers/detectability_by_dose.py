@@ -188,10 +188,10 @@ def _patches(
     for first in range(0, pairs, batch):
         scan = _repeated(exposure, min(batch, pairs - first)).scan(tube_current_ma=tube_current_ma, generator=generator)
         images = _checked(reconstruct(take_log(scan)), len(scan.counts), scans.grid)
-        for kept, insert in zip(cut, scans.inserts, strict=True):
+        for patches, insert in zip(cut, scans.inserts, strict=True):
             row, col = scans.corner(insert)
-            kept.append(images[:, row : row + scans.side, col : col + scans.side].detach().cpu().clone())
-    return [torch.cat(kept) for kept in cut]
+            patches.append(images[:, row : row + scans.side, col : col + scans.side].detach().cpu().clone())
+    return [torch.cat(patches) for patches in cut]
 
 
 def _repeated(exposure: Exposure, times: int) -> Exposure:

@@ -1,4 +1,4 @@
-"""How much of a lesion that was put into the data arrives in the image."""
+"""Contrast recovery: how much of a lesion that was put into the data survives the reconstruction."""
 
 import math
 from dataclasses import dataclass

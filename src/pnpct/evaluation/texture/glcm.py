@@ -35,7 +35,7 @@ class GLCMSpec:
     """All that a texture feature depends on besides the image; numbers of different specs must not be compared.
 
     Args:
-        window: Lowest and highest HU value that is told apart.
+        window: Lower and upper end of the gray levels, HU; values outside fall on the end levels.
         levels: Number of gray levels, 2 to 256.
         distances: Distances of the pairs, pixels, at least 1.
         angles: Directions of the pairs, rad.

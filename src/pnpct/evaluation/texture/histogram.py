@@ -22,7 +22,7 @@ def gray_levels(
 
     Args:
         image_hu: HU.
-        window: Lowest and highest value that is told apart, HU.
+        window: Lower and upper end of the histogram, HU.
         levels: Number of bins, 2 to 256.
 
     Returns:
@@ -49,7 +49,7 @@ def gray_histogram(
 
     Args:
         image: Attenuation relative to water.
-        window: Lowest and highest value that is told apart, HU; what is outside counts in the end bins.
+        window: Lower and upper end of the histogram, HU; values outside count in the end bins.
         mask: Where to count, of the image's shape; everywhere if None.
         levels: Number of bins, 2 to 256.
 
@@ -88,7 +88,7 @@ def earth_movers_distance(
     Args:
         image: Attenuation relative to water.
         reference: What it should be, of the same shape.
-        window: Lowest and highest value that is told apart, HU.
+        window: Lower and upper end of the histogram, HU.
         mask: Where to count in both, of the same shape; everywhere if None.
         levels: Number of bins, 2 to 256.
 
@@ -127,12 +127,12 @@ def repeat_scan_floor(
 ) -> float:
     """Return the earth mover's distance between independent repeats of the reference scan.
 
-    No image can be told from the reference by a distance below this: it is the mean over all pairs of repeats,
+    A distance below this does not distinguish an image from the reference: it is the mean over all pairs of repeats,
     which differ in nothing but their noise.
 
     Args:
         repeats: Two or more images of one object at the dose of the reference, attenuation relative to water.
-        window: Lowest and highest value that is told apart, HU.
+        window: Lower and upper end of the histogram, HU.
         mask: Where to count; everywhere if None.
         levels: Number of bins, 2 to 256.
 
