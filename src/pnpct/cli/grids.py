@@ -4,9 +4,7 @@ import math
 from pathlib import Path
 
 from pnpct.files import read_truth
-from pnpct.geometry import Geometry, ImageGrid, require_image_grid
-
-SIZE = 512
+from pnpct.geometry import Geometry, ImageGrid, require_fan_beam, require_image_grid
 
 
 def square_grid(size: int, field_of_view: float, *, center: tuple[float, float] = (0.0, 0.0)) -> ImageGrid:
@@ -44,7 +42,7 @@ def grid_for(scan: Path, geometry: Geometry, *, size: int | None, field_of_view:
         ValueError: If a number is out of its range, or the truth in the scan is not whole.
     """
     known = read_truth(scan)
-    usual = require_image_grid(known[1]) if known else square_grid(SIZE, 2 * geometry.field_of_view_radius)
+    usual = require_image_grid(known[1]) if known else require_fan_beam(geometry).grid()
     if size is None and field_of_view is None:
         return usual
     return square_grid(

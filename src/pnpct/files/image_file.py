@@ -8,6 +8,7 @@ head), so with x reversed. A volume is a NIfTI file of three dimensions; an imag
 """
 
 import gzip
+import sys
 import zlib
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
 from pnpct.files.hdf5 import new_hdf5, open_hdf5, read_image_dataset, write_image_dataset
-from pnpct.files.provenance import Provenance
+from pnpct.files.provenance import Provenance, record_run
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu, to_hu
 
@@ -37,7 +38,7 @@ def write_image(
     image: Image | Volume,
     grid: Grid,
     *,
-    provenance: Provenance,
+    provenance: Provenance | None = None,
     window: tuple[float, float] = (30.0, 300.0),
 ) -> None:
     """Write an image or a volume in the format that the suffix names.
@@ -50,7 +51,7 @@ def write_image(
         path: Where the file shall be: .h5, .nii, .nii.gz or .png; an older one is replaced.
         image: The image or volume, relative to water.
         grid: Where its pixels are.
-        provenance: How it was made.
+        provenance: How it was made; if None, by the program that is running.
         window: Level and width of the window of a PNG, HU.
 
     Raises:
@@ -58,7 +59,7 @@ def write_image(
         ValueError: If the suffix is another, the image does not fit its grid or is not finite, there is a batch
             for NIfTI or more than one row of images for PNG, or the window is not positive.
     """
-    suffix = _suffix(path)
+    suffix, provenance = _suffix(path), provenance or record_run(sys.argv)
     batch = image.ndim - len(grid.shape)
     if tuple(image.shape[batch:]) != grid.shape:
         raise ValueError(f"The image must end in the grid's {grid.shape}, got {tuple(image.shape)}.")
