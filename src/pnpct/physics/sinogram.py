@@ -86,7 +86,7 @@ def take_log(
         in the weights; Fu et al., IEEE Trans. Med. Imaging 36 (2017) 707: bias of the logarithm.
 
     Example:
-        >>> from pnpct.geometry import evenly_spaced_views
+        >>> from pnpct.geometry import FanBeam, evenly_spaced_views
         >>> geometry = FanBeam(evenly_spaced_views(2), bins=3, source_to_isocenter=541.0,
         ...                    source_to_detector=949.0, bin_width=1.0)
         >>> scan = Scan(torch.full((2, 3), 500.0), torch.tensor(1000.0), electronic_noise=0.0,
