@@ -107,6 +107,7 @@ def consistency(
         ValueError: If no neighbouring rays see the object, or `floor` is not positive.
 
     Example:
+        >>> import torch
         >>> from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
         >>> from pnpct.physics import DiagonalWeights
         >>> geometry = FanBeam(evenly_spaced_views(8), bins=9, source_to_isocenter=500.0, source_to_detector=1000.0,
