@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import xraydb
@@ -116,6 +117,13 @@ def attenuation(material: str, energies: NDArray[np.float64]) -> NDArray[np.floa
     if not (np.all(np.isfinite(energies)) and np.all(energies >= 1) and np.all(energies <= 1000)):
         raise ValueError("Attenuation is tabulated from 1 to 1000 keV; are the energies in keV?")
     of = MATERIALS[material]
-    per_mass = sum(share * xraydb.mu_elam(element, energies * 1000) for element, share in of.mass_fractions.items())
+    at = tuple(np.ravel(energies).tolist())
+    per_mass = sum(share * _mass_attenuation(element, at) for element, share in of.mass_fractions.items())
     # 1/cm to 1/mm.
-    return np.asarray(of.density * per_mass / 10, dtype=np.float64)
+    return np.asarray(of.density * per_mass / 10, dtype=np.float64).reshape(np.shape(energies))
+
+
+@lru_cache(maxsize=256)
+def _mass_attenuation(element: str, energies: tuple[float, ...]) -> NDArray[np.float64]:
+    """Look up μ/ρ of an element in cm²/g; all materials share few elements, and the look-up is slow."""
+    return np.asarray(xraydb.mu_elam(element, np.array(energies) * 1000), dtype=np.float64)

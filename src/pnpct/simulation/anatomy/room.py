@@ -26,6 +26,8 @@ class Room:
     shape: Shape
     spacing: float = 4.0
     _depths: NDArray[np.float32] = field(init=False, repr=False)
+    _last: NDArray[np.int64] = field(init=False, repr=False)
+    _strides: NDArray[np.int64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         xs, ys, zs = (
@@ -33,14 +35,17 @@ class Room:
             for low, high in zip(self.shape.low, self.shape.high, strict=True)
         )
         planes = [-self.shape.distance(xs[:, None], ys[None, :], z) for z in zs.tolist()]
-        object.__setattr__(self, "_depths", np.stack(planes, axis=-1).astype(np.float32))
+        # A rim of far outside around the lattice stands for all places beyond it.
+        depths = np.pad(np.stack(planes, axis=-1).astype(np.float32), 1, constant_values=-1e3)
+        object.__setattr__(self, "_depths", depths)
+        object.__setattr__(self, "_last", np.array(depths.shape) - 1)
+        object.__setattr__(self, "_strides", np.array(depths.strides) // depths.itemsize)
 
     def depth(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return how far inside the surface points are, mm; negative outside."""
-        place = np.round((points - np.array(self.shape.low)) / self.spacing).astype(int)
-        last = np.array(self._depths.shape) - 1
-        found: NDArray[np.float32] = self._depths[tuple(np.moveaxis(np.clip(place, 0, last), -1, 0))]
-        return np.where(np.all((place >= 0) & (place <= last), axis=-1), found, np.float32(-1e3))
+        place = np.rint((points - self.shape.low) / self.spacing).astype(np.int64) + 1
+        found: NDArray[np.float32] = self._depths.take(np.minimum(np.maximum(place, 0), self._last) @ self._strides)
+        return found
 
     def draw(self, generator: np.random.Generator, depth: float) -> Point:
         """Draw a place at least so deep inside; the deepest of 120 if there is none."""
@@ -79,8 +84,9 @@ def tree(
         trials = way + 0.25 * vary.generator.standard_normal((6, 3))
         trials /= np.linalg.norm(trials, axis=1, keepdims=True)
         ends = here + trials * (4.0 + 3.0 * thick)
-        best = int(np.argmax(np.minimum(room.depth(ends), 8.0) + 6 * trials @ way))
-        if room.depth(ends[best]) < 1.0:
+        depths = room.depth(ends)
+        best = int(np.argmax(np.minimum(depths, 8.0) + 6 * trials @ way))
+        if depths[best] < 1.0:
             continue
         yield capsule(as_point(here), as_point(ends[best]), thick, 0.93 * thick), thick
         way = trials[best]

@@ -122,10 +122,12 @@ def loft(stations: Sequence[tuple[float, float, float, float, float]], *, power:
         power: Above 2 the ellipses are boxy, as in `ellipsoid`.
     """
     table = np.array(stations, dtype=np.float64)
-    heights, (xs, ys, a, b) = table[:, 0], table[:, 1:].T
+    heights, ellipses = table[:, 0], table[:, 1:]
+    slopes = np.gradient(ellipses, heights, axis=0) if len(heights) > 2 else np.zeros_like(ellipses)
+    xs, ys, a, b = ellipses.T
 
     def distance(x: Array, y: Array, z: float) -> Array:
-        middle_x, middle_y, half_x, half_y = (_smooth_interpolation(z, heights, column) for column in (xs, ys, a, b))
+        middle_x, middle_y, half_x, half_y = _smooth_interpolation(z, heights, ellipses, slopes)
         u, v = np.abs(x - middle_x) / half_x, np.abs(y - middle_y) / half_y
         inside = _superquadric(u, v, 0.0, (half_x, half_y, 1.0), power)
         clipped: Array = np.maximum(inside, max(heights[0] - z, z - heights[-1]))
@@ -138,15 +140,16 @@ def loft(stations: Sequence[tuple[float, float, float, float, float]], *, power:
     )
 
 
-def _smooth_interpolation(z: float, heights: Array, values: Array) -> float:
-    """Cubic between stations with the slopes of their neighbours, flat beyond the ends."""
+def _smooth_interpolation(z: float, heights: Array, values: Array, slopes: Array) -> list[float]:
+    """Cubic between stations with these slopes, flat beyond the ends."""
     place = int(np.clip(np.searchsorted(heights, z) - 1, 0, len(heights) - 2))
     step = heights[place + 1] - heights[place]
     t = float(np.clip((z - heights[place]) / step, 0.0, 1.0))
-    slopes = np.gradient(values, heights) if len(heights) > 2 else np.zeros(2)
     before, after = slopes[place] * step, slopes[place + 1] * step
     start, rise = values[place], values[place + 1] - values[place]
-    return float(start + t * before + t**2 * (3 * rise - 2 * before - after) + t**3 * (before + after - 2 * rise))
+    smooth = start + t * before + t**2 * (3 * rise - 2 * before - after) + t**3 * (before + after - 2 * rise)
+    interpolated: list[float] = smooth.tolist()
+    return interpolated
 
 
 def capsule(start: Point, end: Point, radius: float, end_radius: float | None = None) -> Shape:

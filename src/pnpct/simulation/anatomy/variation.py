@@ -17,7 +17,7 @@ class Variation:
 
     def __call__(self, mean: float, deviation: float) -> float:
         """Draw a normal number, not farther from its mean than two standard deviations."""
-        return mean + deviation * float(np.clip(self.generator.standard_normal(), -2, 2))
+        return mean + deviation * min(max(self.generator.standard_normal(), -2.0), 2.0)
 
     def between(self, low: float, high: float) -> float:
         """Draw a number from low to high, all of them equally likely."""
