@@ -8,7 +8,6 @@ import torch
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import FanBackprojector, Projector
 from pnpct.reconstruction import fbp
-from pnpct.reconstruction.fbp import measured_share, view_steps
 from pnpct.units import to_hu
 
 FAN = FanBeam(
@@ -77,54 +76,6 @@ def test_every_kernel_keeps_the_mean(kernel):
     image_hu = to_hu(fbp(water_disc(geometry), Projector(grid, geometry, mu_water=MU_WATER), kernel=kernel))
     inside = np.hypot(grid.x[None], grid.y[:, None]) < 90
     assert abs(float(image_hu[torch.from_numpy(inside)].mean())) < 0.5
-
-
-@pytest.mark.parametrize("measured", [range(240), range(140), range(190), [*range(20, 60), *range(75, 240)]])
-@pytest.mark.parametrize("offset", [0, 25])
-def test_the_shares_of_a_line_add_up_to_one(measured, offset):
-    """On a grid of views and bins that has the other ray of each line."""
-    step = 2 * math.pi / 240
-    geometry = replace(
-        FAN,
-        view_angles=[step * view for view in measured],
-        bins=41,
-        bin_width=2 * math.tan(step / 4) * 949.0,
-        detector_offset=math.tan(offset / 2 * step) * 949.0 / (2 * math.tan(step / 4) * 949.0),
-    )
-    share = measured_share(geometry)
-    number = np.rint(geometry.fan_angles / (step / 2)).astype(int)
-    rows, cols = {view: row for row, view in enumerate(measured)}, {k: col for col, k in enumerate(number)}
-    for view, row in rows.items():
-        for k, col in cols.items():
-            other_row, other_col = rows.get((view + 120 + k) % 240), cols.get(-k)
-            there = 0.0 if other_row is None or other_col is None else share[other_row, other_col]
-            assert share[row, col] + there == pytest.approx(1, abs=1e-6)
-
-
-def test_a_full_turn_shares_evenly_and_a_short_scan_as_parker_says():
-    np.testing.assert_allclose(measured_share(replace(FAN, detector_offset=0.0)), 0.5)
-    start, widest = 0.3, math.pi / 8
-    short = replace(
-        FAN,
-        detector_offset=0.0,
-        bin_width=2 * math.tan(widest / 900) * 949,
-        view_angles=evenly_spaced_views(700, start=start, span=math.pi + 2 * widest),
-    )
-    gamma, half_step = short.fan_angles, (math.pi + 2 * widest) / 1400
-    view = 40
-    beta = short.view_angles[view] - start + half_step
-    expected = np.where(
-        beta < 2 * (widest - gamma), np.sin(math.pi / 4 * beta / (widest - gamma)) ** 2, 1.0
-    )  # Parker's Eq. 12 while the end of the scan sees the other side
-    np.testing.assert_allclose(measured_share(short)[view], expected, atol=1e-6)
-
-
-def test_views_stand_for_the_angle_around_them():
-    geometry = replace(FAN, view_angles=np.radians([0.0, 1.0, 3.0, 4.0, 180.0]))
-    steps = np.degrees(view_steps(geometry))
-    assert view_steps(FAN).sum() == pytest.approx(2 * math.pi)
-    assert steps[1] == pytest.approx(1.5)  # the usual step is 2 degrees: there is no gap here
-    assert steps[4] == pytest.approx(2.0)  # alone in a gap
 
 
 def test_turned_lanes_and_plain_torch_give_the_same_backprojection(generator):
