@@ -1,6 +1,7 @@
 """One small world for all tests."""
 
 import os
+from itertools import starmap
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,18 @@ def disk(grid: ImageGrid) -> torch.Tensor:
     body = (x**2 + y**2 < 100.0**2).float()
     insert = ((x - 30.0) ** 2 + (y - 20.0) ** 2 < 25.0**2).float()
     return body + 0.2 * insert
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set of three heads, one slice of each, made in this process."""
+    from pnpct.simulation import Recipe, simulate_dataset
+
+    recipe = Recipe(("head",), cases=3, rows=1, tube_voltages_kvp=(120.0,), views=24, bins=30, size=16)
+    folder = tmp_path_factory.mktemp("patients") / "set"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: starmap(function, calls)
+        )
+        list(simulate_dataset(folder, recipe))
+    return folder

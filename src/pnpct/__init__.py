@@ -3,6 +3,9 @@
 The package is layered; each line imports only lines below it:
 
     cli              one file per command
+    report           results -> one page
+    comparison       methods side by side
+    training         scans -> weights of a denoiser
     reconstruction   sinogram -> image           evaluation   images -> numbers
     simulation       anatomy -> scan
     files            numbers <-> disk

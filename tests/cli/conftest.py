@@ -28,17 +28,6 @@ def made(tmp_path_factory) -> Path:
     return folder
 
 
-DATASET = "--anatomy pelvis --cases 3 --rows 1 --views 24 --bins 60 --size 32 --tube-voltages-kvp 120 --processes 1"
-
-
-@pytest.fixture(scope="session")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of three pelves, of a slice each."""
-    folder = tmp_path_factory.mktemp("train") / "set"
-    assert main(["simulate", "dataset", str(folder), *DATASET.split()]) == 0
-    return folder
-
-
 GEOMETRY = {
     "source_to_isocenter_mm": 541,
     "source_to_detector_mm": 949,

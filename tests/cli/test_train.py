@@ -1,45 +1,84 @@
+"""`pnpct train`: from a data set or a scan to the file of a network."""
+
 import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
-from pnpct.files import sha256_of
-from pnpct.files.checkpoint import load_network
+from pnpct.cli.parsing import parse
+from pnpct.cli.train import Train
+from pnpct.cli.training_options import TrainingOptions
+from pnpct.files import load_network, sha256_of
 from pnpct.files.training_file import write_training
+from pnpct.training import METHODS, SingleScan, TwoStage
 
 TRAIN = "--epochs 2 --fine-tuning-epochs 1 --pairs-per-epoch 2 --batch 2"
 
 
-def test_a_network_is_trained_and_says_what_it_is(dataset: Path, tmp_path: Path, run) -> None:
-    path = tmp_path / "tiny.safetensors"
-    status, out, err = run("train", dataset, path, *TRAIN.split())
-    assert (status, err) == (0, "")
-    assert out.count("noise-to-noise") == 2
-    assert out.count("fine-tuning") == 1
-    assert sum(parameter.numel() for parameter in load_network(path).parameters()) == 168_224
-    about = json.loads((tmp_path / "tiny.safetensors.json").read_text())["about"]
-    assert len(about["metrics"]["losses"]) == 3
+@pytest.fixture(scope="module")
+def cached(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
+    """The options of a small training, whose examples are made once for all tests."""
+    return (*TRAIN.split(), "--cache", str(tmp_path_factory.mktemp("examples")))
+
+
+@pytest.fixture(scope="module")
+def trained(dataset: Path, cached: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A network that the command has trained, and beside it the state in which it ended."""
+    from pnpct.cli import main
+
+    path = tmp_path_factory.mktemp("trained") / "tiny.safetensors"
+    assert main(["train", str(dataset), str(path), *cached]) == 0
+    return path
+
+
+@pytest.fixture
+def again(trained: Path, tmp_path: Path) -> Path:
+    """A place for a network beside the state of the training that has ended."""
+    shutil.copy(trained.with_suffix(".training"), tmp_path / "tiny.training")
+    return tmp_path / "tiny.safetensors"
+
+
+def said_of(path: Path) -> dict[str, Any]:
+    return json.loads(path.with_suffix(".safetensors.json").read_text())["about"]
+
+
+def test_a_network_is_trained_and_says_what_it_is(trained: Path, dataset: Path) -> None:
+    assert sum(parameter.numel() for parameter in load_network(trained).parameters()) == 168_224
+    about = said_of(trained)
+    assert [(loss["stage"], loss["epoch"]) for loss in about["metrics"]["losses"]] == [
+        ("noise-to-noise", 1),
+        ("noise-to-noise", 2),
+        ("fine-tuning", 1),
+    ]
     assert about["seed"] == 0
-    # Once more: nothing is left to do, and the files are the same.
-    before = path.read_bytes()
-    assert run("train", dataset, path, *TRAIN.split())[0] == 0
-    assert path.read_bytes() == before
+    assert about["manifest_sha256"] == sha256_of(dataset / "manifest.json")
+    assert {"losses": "corrected", "fine_tuning_epochs": 1, "batch": 2}.items() <= about["settings"].items()
 
 
-def test_training_with_other_settings_is_not_continued(dataset: Path, tmp_path: Path, run) -> None:
-    path = tmp_path / "tiny.safetensors"
-    assert run("train", dataset, path, *TRAIN.split())[0] == 0
-    status, _, err = run("train", dataset, path, *TRAIN.split(), "--seed", "5")
+def test_a_training_that_has_ended_is_not_repeated(trained: Path, dataset: Path, again: Path, cached, run) -> None:
+    status, out, err = run("train", dataset, again, *cached)
+    assert (status, err) == (0, "")
+    assert out == f"Wrote {again}: a network after 3 epochs.\n"
+    assert again.read_bytes() == trained.read_bytes()
+
+
+def test_training_with_other_settings_is_not_continued(dataset: Path, again: Path, cached, run) -> None:
+    status, _, err = run("train", dataset, again, *cached, "--seed", "5")
     assert status == 2
     assert "other settings (seed)" in err
 
 
 def test_a_run_that_was_killed_goes_on_and_ends_as_if_it_had_not(
-    dataset: Path, tmp_path: Path, run, monkeypatch: pytest.MonkeyPatch
+    trained: Path, dataset: Path, tmp_path: Path, cached, run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole, killed = tmp_path / "whole.safetensors", tmp_path / "killed.safetensors"
-    assert run("train", dataset, whole, *TRAIN.split())[0] == 0
+    killed = tmp_path / "killed.safetensors"
     written = []
 
     def and_die(*args: Any, **options: Any) -> None:
@@ -49,20 +88,21 @@ def test_a_run_that_was_killed_goes_on_and_ends_as_if_it_had_not(
             raise KeyboardInterrupt
 
     monkeypatch.setattr("pnpct.cli.train.write_training", and_die)
-    run("train", dataset, killed, *TRAIN.split())
+    run("train", dataset, killed, *cached)
     assert not killed.exists()
     monkeypatch.undo()
-    status, out, _ = run("train", dataset, killed, *TRAIN.split())
+    status, out, _ = run("train", dataset, killed, *cached)
     assert status == 0
-    assert "noise-to-noise" not in out
-    assert killed.read_bytes() == whole.read_bytes()
+    assert [line.partition(": ")[0] for line in out.splitlines()] == ["fine-tuning 1", f"Wrote {killed}"]
+    assert killed.read_bytes() == trained.read_bytes()
 
 
-def test_a_network_can_be_told_the_noise_level(dataset: Path, tmp_path: Path, run) -> None:
-    path = tmp_path / "told.safetensors"
-    assert run("train", dataset, path, *TRAIN.split(), "--noise-input", "--licence", "CC0-1.0")[0] == 0
+def test_a_noise_conditioned_network_can_be_made_under_a_licence(dataset: Path, tmp_path: Path, run, cached) -> None:
+    path = tmp_path / "conditioned.safetensors"
+    words = (*cached, "--noise-input", "--licence", "CC0-1.0")
+    assert run("train", dataset, path, *words)[0] == 0
     assert load_network(path).noise_input
-    about = json.loads((tmp_path / "told.safetensors.json").read_text())["about"]
+    about = said_of(path)
     assert about["licence"] == "CC0-1.0"
     assert about["settings"]["noise_input"]
 
@@ -75,40 +115,24 @@ def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
     assert "remove it to begin anew" in err
 
 
-def test_patients_of_further_data_sets_are_learnt_from_too(dataset: Path, tmp_path: Path, run) -> None:
+def test_patients_of_further_data_sets_are_learnt_from_too(
+    trained: Path, dataset: Path, tmp_path: Path, run, cached
+) -> None:
     further = tmp_path / "further"
-    words = "--anatomy head --cases 3 --rows 1 --views 24 --bins 60 --size 32 --tube-voltages-kvp 120 --processes 1"
-    assert run("simulate", "dataset", further, *words.split())[0] == 0
-    losses = []
-    for name, words in (("alone", ()), ("both", ("--also", further))):
-        status, out, err = run("train", dataset, tmp_path / f"{name}.safetensors", *TRAIN.split(), *words)
-        assert (status, err) == (0, "")
-        losses.append([line.split(",")[0] for line in out.splitlines()])
+    shutil.copytree(dataset, further)
+    manifest = json.loads((further / "manifest.json").read_text())
+    splits = {"train": "validation", "validation": "test", "test": "train"}
+    manifest["scans"] = [{**scan, "split": splits[scan["split"]]} for scan in manifest["scans"]]
+    (further / "manifest.json").write_text(json.dumps(manifest))
+    path = tmp_path / "both.safetensors"
+    status, _, err = run("train", dataset, path, *cached, "--also", further)
+    assert (status, err) == (0, "")
+    losses = [[loss["loss"] for loss in said_of(each)["metrics"]["losses"]] for each in (trained, path)]
     assert losses[0] != losses[1]
-    about = json.loads((tmp_path / "both.safetensors.json").read_text())["about"]
-    assert about["settings"]["also"] == [sha256_of(further / "manifest.json")]
-    status, _, err = run("train", dataset, tmp_path / "c.safetensors", *TRAIN.split(), "--also", tmp_path / "nothing")
+    assert said_of(path)["settings"]["also"] == [sha256_of(further / "manifest.json")]
+    status, _, err = run("train", dataset, tmp_path / "c.safetensors", *cached, "--also", tmp_path / "nothing")
     assert status == 2
     assert "nothing" in err
-
-
-def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, run) -> None:
-    says = set()
-    choices = (
-        "--losses corrected",
-        "--losses paper",
-        "--texture-weight 0",
-        "--contrast-weight 3e-4",
-        "--reference truth",
-        "--reference noise-free",
-    )
-    for number, words in enumerate(choices):
-        status, out, _ = run("train", dataset, tmp_path / f"{number}.safetensors", *TRAIN.split(), *words.split())
-        assert status == 0
-        line = out.splitlines()[2]
-        assert line.startswith("fine-tuning 1: loss")
-        says.add(line)
-    assert len(says) == len(choices)
 
 
 @pytest.mark.parametrize(
@@ -129,6 +153,7 @@ def test_the_loss_of_fine_tuning_can_be_chosen(dataset: Path, tmp_path: Path, ru
         ("--texture-weight -1", "from 0 up -1"),
         ("--contrast-weight nan", "from 0 up nan"),
         ("--size huge", "--size small medium original red-cnn"),
+        ("--loop-images 4", "3 iterations give 1 to 3 images, not 4"),
     ],
 )
 def test_what_cannot_be_is_one_sentence(dataset: Path, tmp_path: Path, run, words: str, names: str) -> None:
@@ -145,36 +170,33 @@ def test_what_is_not_a_data_set_is_refused(tmp_path: Path, run) -> None:
     assert "manifest.json" in err
 
 
-SINGLE = "--method single-scan --parts 2 --epochs 2 --pairs-per-epoch 2 --batch 2 --side 32"
+@pytest.mark.parametrize("name", METHODS)
+def test_the_defaults_are_those_of_the_method(name: str) -> None:
+    assert parse(Train, ["data", "a.safetensors", "--method", name], program="pnpct").chosen_method() == METHODS[name]()
 
 
-@pytest.fixture(scope="module")
-def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from pnpct.cli import main
+def test_every_option_arrives_in_the_method() -> None:
+    shared = "--epochs 3 --pairs-per-epoch 6 --batch 2 --side 32 --learning-rate 0.5 --decay 0.9 --at-once 1 --seed 7"
+    of_all: dict[str, Any] = {"epochs": 3, "pairs_per_epoch": 6, "batch": 2, "side": 32, "learning_rate": 0.5}
+    of_all |= {"decay": 0.9, "at_once": 1, "seed": 7, "bfloat16": True}
+    words = (
+        "--bfloat16 --also b c --loop-denoiser n2n --loop-iterations 5 --loop-images 2 --fine-tuning-epochs 4 "
+        "--losses paper --texture-weight 0.1 --contrast-weight 0.2 --examples 9 --cache images --lowest-ma 30 "
+        "--highest-ma 40 --reference noise-free --discount 2"
+    )
+    given: dict[str, Any] = {"also": (Path("b"), Path("c")), "loop_denoiser": "n2n", "loop_iterations": 5}
+    given |= {"loop_images": 2, "fine_tuning_epochs": 4, "losses": "paper", "texture_weight": 0.1}
+    given |= {"contrast_weight": 0.2, "examples": 9, "cache": Path("images"), "lowest_ma": 30.0, "highest_ma": 40.0}
+    given |= {"reference": "noise-free", "discount": 2.0}
 
-    path = tmp_path_factory.mktemp("single") / "scan.h5"
-    assert main(["simulate", "scan", str(path), "--size", "48", "--views", "60", "--bins", "100"]) == 0
-    return path
+    def method(words: str) -> TwoStage | SingleScan:
+        return parse(Train, ["data", "a.safetensors", *words.split()], program="pnpct").chosen_method()
 
-
-def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_path: Path, run) -> None:
-    path = tmp_path / "one.safetensors"
-    status, out, err = run("train", scan, path, *SINGLE.split())
-    assert (status, err) == (0, "")
-    lines = out.splitlines()
-    assert [line.partition(": ")[0] for line in lines[:2]] == ["single-scan 1", "single-scan 2"]
-    assert all(line.partition(": ")[2].startswith("loss ") and "," not in line for line in lines[:2])
-    about = json.loads((tmp_path / "one.safetensors.json").read_text())["about"]
-    assert about["manifest_sha256"] == sha256_of(scan)
-    assert [loss["stage"] for loss in about["metrics"]["losses"]] == ["single-scan", "single-scan"]
-    load_network(path)
-    # Once more: nothing is left to do; with other parts it is another training.
-    before = path.read_bytes()
-    assert run("train", scan, path, *SINGLE.split())[0] == 0
-    assert path.read_bytes() == before
-    status, _, err = run("train", scan, path, *SINGLE.replace("--parts 2", "--parts 1").split())
-    assert status == 2
-    assert "other settings (parts)" in err
+    assert method(f"{shared} {words}") == TwoStage(**of_all, **given)
+    assert method(f"{shared} --bfloat16 --method single-scan --parts 3") == SingleScan(**of_all, parts=3)
+    options = {field.name for field in fields(TrainingOptions)}
+    assert options == {*of_all, *given, "parts", "method"}
+    assert options == {"method"} | {field.name for kind in METHODS.values() for field in fields(kind)}
 
 
 @pytest.mark.parametrize(
@@ -184,7 +206,7 @@ def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_pa
         "--loop-denoiser tv",
         "--loop-iterations 3",
         "--loop-images 1",
-        "--kept images",
+        "--cache images",
         "--examples 1000",
         "--lowest-ma 20",
         "--highest-ma 200",
@@ -218,26 +240,17 @@ def test_parts_are_refused_for_a_data_set(tmp_path: Path, run) -> None:
     assert err == "pnpct: --parts has no effect on --method two-stage, but on single-scan; leave out one of them.\n"
 
 
-@pytest.mark.parametrize(
-    ("words", "names"),
-    [
-        ("{scan}", "scan.h5 file folder single-scan"),
-        ("{scan} --method supervised", "scan.h5 file folder single-scan"),
-        ("{here} --method single-scan", "folder scan"),
-        ("{here}/none.h5 --method single-scan", "none.h5"),
-        ("{scan} --method single-scan --parts 1", "two parts 1"),
-        ("{scan} --method single-scan --parts 3", "30 views 60"),
-        ("{scan} --method single-scan --noise-input", "--noise-input single scan"),
-        ("{scan} --method single-scan --parts 2 --side 99", "square of 99 pixels"),
-    ],
-)
-def test_what_a_method_cannot_learn_from_is_one_sentence(
-    scan: Path, tmp_path: Path, run, words: str, names: str
+def test_processes_that_torchrun_started_have_the_losses_of_one_and_one_writes(
+    trained: Path, dataset: Path, tmp_path: Path, cached: tuple[str, ...]
 ) -> None:
-    data, *rest = words.format(scan=scan, here=tmp_path).split()
-    status, _, err = run("train", data, tmp_path / "a.safetensors", *rest)
-    assert status == 2
-    assert err.count("\n") == 1
-    missing = [name for name in names.split() if name not in err]
-    assert not missing, err
-    assert not list(tmp_path.iterdir())
+    shared = tmp_path / "shared.safetensors"
+    started = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
+    words = [str(Path(sys.executable).with_name("pnpct")), "train", str(dataset), str(shared), *cached]
+    done = subprocess.run([*started, *words], env=dict(os.environ, OMP_NUM_THREADS="1"), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Wrote") == 1
+    both, alone = (said_of(path)["metrics"]["losses"] for path in (shared, trained))
+    assert [loss["loss"] for loss in both] == pytest.approx([loss["loss"] for loss in alone], rel=1e-4)
+    one, other = (load_network(path).state_dict() for path in (trained, shared))
+    for name, value in one.items():
+        torch.testing.assert_close(other[name], value, rtol=1e-3, atol=1e-5)

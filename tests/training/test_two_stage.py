@@ -66,19 +66,19 @@ def test_each_stage_makes_its_own_loss_small() -> None:
     assert [epoch.loss for epoch in epochs] == [1.0, 2.0]
 
 
-def test_a_network_that_is_told_the_noise_level_learns_from_it() -> None:
-    class Told(Noise):
+def test_a_noise_conditioned_network_learns_from_the_noise_level() -> None:
+    class Levelled(Noise):
         def __call__(self, number: int) -> Pair:
             return replace(super().__call__(number), noise_level=0.1)
 
     torch.manual_seed(1)
     D = RDNCBAM(TINY, noise_input=True)
-    first, *_, last = train(D, Told(0.01), stage="supervised", loss=mean_squared_error, epochs=6, **OPTIONS)
+    first, *_, last = train(D, Levelled(0.01), stage="supervised", loss=mean_squared_error, epochs=6, **OPTIONS)
     assert last.loss < first.loss
     image = Noise(0.1)(0).input[None]
     with torch.no_grad():
         assert not torch.equal(D(image, 0.1), D(image, 0.01))
-    with pytest.raises(ValueError, match="do not say"):
+    with pytest.raises(ValueError, match="have no noise level"):
         next(train(D, Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=1, **OPTIONS))
 
 

@@ -11,17 +11,24 @@ from tyro.conf import Positional
 
 from pnpct.cli.artefact import check_output
 from pnpct.cli.devices import DeviceName, choose_device
+from pnpct.cli.grids import grid_for
 from pnpct.cli.parsing import option
 from pnpct.cli.seeds import check_seed
-from pnpct.cli.terminal import say, track
-from pnpct.cli.training_curves import training_curves
+from pnpct.cli.terminal import say, track, working
 from pnpct.cli.training_options import TrainingOptions
-from pnpct.cli.training_setup import from_first, joined_processes
 from pnpct.denoisers import RDNCBAM, REDCNN, SIZES
-from pnpct.files import load_network, network_file, sha256_of
-from pnpct.files.checkpoint import SUFFIX, save_network
+from pnpct.files import MANIFEST, load_network, network_file, read_scan, save_network, sha256_of
+from pnpct.files.checkpoint import SUFFIX
 from pnpct.files.training_file import read_training, write_training
-from pnpct.training import Epoch
+from pnpct.training import (
+    Epoch,
+    SingleScan,
+    Supervised,
+    TrainingPlan,
+    from_first,
+    joined_processes,
+    training_curves,
+)
 
 
 @dataclass(frozen=True)
@@ -35,17 +42,8 @@ class Train(TrainingOptions):
         data: Folder that `pnpct simulate dataset` has made; for the method single-scan, the scan, .h5.
         network: Where the trained network shall be, .safetensors.
         size: Size of the paper's network, or red-cnn; that of --begin-with is its own.
-        noise_input: Make a network that is told the noise level, HU of an FBP image with the sharpest kernel.
+        noise_input: Make a noise-conditioned network; the level is that of an FBP image with the sharpest kernel, HU.
         begin_with: Network whose weights it begins with, by name or file; those of chance if none is given.
-        epochs: Epochs of noise to noise, or of the only stage.
-        pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
-        batch: Pairs of one step.
-        side: Rows and columns of squares that are cut out; whole images if it is not given.
-        learning_rate: Of Adam, in the first epoch.
-        decay: Factor of the learning rate after each epoch.
-        at_once: Pairs that go through the network together: quicker, but all their memory at once.
-        bfloat16: Compute in bfloat16 where that is exact enough.
-        seed: Of the weights and of all pairs.
         licence: Under which the network may be used, to be noted beside it.
         tensorboard: Folder for TensorBoard, where it is installed.
         device: Where to compute; auto takes a CUDA device if there is one.
@@ -56,37 +54,25 @@ class Train(TrainingOptions):
     size: Annotated[Literal["small", "medium", "original", "red-cnn"] | None, option(default="small")] = None
     noise_input: bool = False
     begin_with: str | None = None
-    epochs: int = 40
-    pairs_per_epoch: int = 64
-    batch: int = 8
-    side: int | None = None
-    learning_rate: float = 1e-4
-    decay: float = 0.99
-    at_once: Annotated[int | None, option(default="1 for whole images, else all of a batch")] = None
-    bfloat16: bool = False
-    seed: int = 0
     licence: str | None = None
     tensorboard: Path | None = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
         """Train, or go on with training, and write the network."""
-        method, device = self.chosen_method(), choose_device(self.device)
-        kept = self._checked()
+        method, device, state_file = self.chosen_method(), choose_device(self.device), self._checked()
         with joined_processes(device) as rank, training_curves(self.tensorboard if rank == 0 else None) as draw:
             network = self._network().to(device)
-            settings = {**self._settings(), **method.settings(), "data": method.digest(self.data)}
-            state = from_first(lambda: read_training(kept, settings=settings) if kept.exists() else {})
+            settings = {**method.settings(), **self._settings()}
+            state = from_first(lambda: read_training(state_file, settings=settings) if state_file.exists() else {})
             after, losses = (Epoch(**state["epoch"]), state["losses"]) if state else (None, [])
-            shared: dict[str, Any] = {"seed": self.seed, "side": self.side, "bfloat16": self.bfloat16, "device": device}
-            lesson = method.lesson(self.data, epochs=self.epochs, **shared)
-            epochs = lesson.epochs(network, after=after, **self._steps())
-            for epoch in track(epochs, total=lesson.total, of="Training"):
+            plan = self._plan(method, network)
+            for epoch in track(plan.epochs(after=after), total=plan.total, of="Training"):
                 if rank > 0:
                     continue
-                figures = {"loss": epoch.loss, **lesson.validate(network)}
+                figures = {"loss": epoch.loss, **plan.validate()}
                 losses = [*losses, {"stage": epoch.stage, "epoch": epoch.number, **figures}]
-                write_training(kept, {"epoch": vars(epoch), "losses": losses}, settings=settings)
+                write_training(state_file, {"epoch": vars(epoch), "losses": losses}, settings=settings)
                 draw(epoch.stage, len(losses), figures)
                 say(f"{epoch.stage} {epoch.number}: " + ", ".join(f"{name} {figures[name]:.4g}" for name in figures))
             if rank == 0:
@@ -99,28 +85,24 @@ class Train(TrainingOptions):
                     "settings": settings,
                 }
                 save_network(self.network, network.cpu(), about=about)
-                say(f"Wrote {self.network}: a network after {lesson.total} epochs.")
+                say(f"Wrote {self.network}: a network after {plan.total} epochs.")
 
     def _checked(self) -> Path:
-        """Check what can be checked before the work; return where the state of training is kept."""
+        """Check what can be checked before the work; return where the state of training is written."""
         check_seed(self.seed)
         if self.begin_with is not None and (self.size is not None or self.noise_input):
             option = "--noise-input" if self.noise_input else "--size"
             raise ValueError(f"{option} has no effect beside --begin-with, whose network is as it is; leave out one.")
         if self.noise_input and self.size == "red-cnn":
             raise ValueError("--noise-input has no effect on red-cnn, which has no such input; leave it out.")
-        if self.noise_input and self.method == "single-scan":
-            raise ValueError(
-                "--noise-input needs pairs that say how noisy they are, as a single scan does not; leave it out."
-            )
         if self.network.suffix != SUFFIX:
             raise ValueError(f"{self.network}: the name of a network must end in {SUFFIX}.")
         begun_with = [network_file(name) for name in (self.begin_with, self.loop_denoiser) if name is not None]
         check_output(self.network, (SUFFIX,), inputs=[self.data, *begun_with])
-        kept = self.network.with_suffix(".training")
-        if kept.is_dir():
-            raise IsADirectoryError(f"{kept} is a folder, but the state of training is to be kept there.")
-        return kept
+        state_file = self.network.with_suffix(".training")
+        if state_file.is_dir():
+            raise IsADirectoryError(f"{state_file} is a folder, but the state of training is to be written there.")
+        return state_file
 
     def _network(self) -> nn.Module:
         if self.begin_with is not None:
@@ -133,15 +115,28 @@ class Train(TrainingOptions):
         return network
 
     def _settings(self) -> dict[str, Any]:
-        """All that the weights depend on beyond rounding, besides the options of the method and its data."""
-        names = ["method", "epochs", "pairs_per_epoch", "batch", "side", "learning_rate", "decay", "bfloat16", "seed"]
+        """All that the weights depend on besides the options of the method."""
         begin_with = self.begin_with and sha256_of(network_file(self.begin_with))
         size = None if begin_with else self.size or "small"
         network = {"size": size, "noise_input": self.noise_input, "begin_with": begin_with}
-        return {**{name: getattr(self, name) for name in names}, **network}
+        return {"method": self.method, **network, "data": self._fingerprint()}
 
-    def _steps(self) -> dict[str, Any]:
-        names = ("pairs_per_epoch", "batch", "learning_rate", "decay", "bfloat16")
-        # Squares are small; whole images fill the memory one by one.
-        at_once = (1 if self.side is None else self.batch) if self.at_once is None else self.at_once
-        return {**{name: getattr(self, name) for name in names}, "at_once": at_once}
+    def _fingerprint(self) -> str:
+        """The SHA-256 of the data set's manifest, or of the scan."""
+        if self.method == "single-scan":
+            if self.data.is_dir():
+                raise ValueError(f"{self.data} is a folder, but --method single-scan needs the file of a scan.")
+            return sha256_of(self.data)
+        if self.data.is_file():
+            raise ValueError(
+                f"{self.data} is a file, but a data set's folder is needed; --method single-scan learns from a scan."
+            )
+        return sha256_of(self.data / MANIFEST)
+
+    def _plan(self, method: Supervised | SingleScan, network: nn.Module) -> TrainingPlan:
+        if not isinstance(method, SingleScan):
+            return method.plan(network, self.data)
+        scan = read_scan(self.data)
+        grid = grid_for(self.data, scan.geometry, size=None, field_of_view=None)
+        with working("Reconstructing the parts of the scan"):
+            return method.plan(network, scan, grid)

@@ -6,18 +6,25 @@ from typing import Annotated, Any, Literal
 
 from pnpct.cli.options import check_effect
 from pnpct.cli.parsing import option
-from pnpct.cli.training_methods import METHODS, SingleScan, Supervised, TwoStage
-from pnpct.cli.training_setup import ReferenceName
-from pnpct.training import Form
+from pnpct.training import METHODS, Form, ReferenceName, SingleScan, Supervised, TwoStage
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingOptions:
-    """The method and its options, None where they were not given: only then they may have no effect.
+    """The method and its options; None where an option was not given that has no effect on some methods.
 
     Args:
         method: two-stage begins with noise to noise and ends with dose pairs; supervised has dose pairs alone;
             single-scan sets parts of the views of one scan against each other.
+        epochs: Epochs of noise to noise, or of the only stage.
+        pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
+        batch: Pairs of one step.
+        side: Rows and columns of squares that are cut out; whole images if it is not given.
+        learning_rate: Of Adam, in the first epoch.
+        decay: Factor of the learning rate after each epoch.
+        at_once: Pairs that go through the network together: quicker, but all their memory at once.
+        bfloat16: Compute in bfloat16 where that is exact enough.
+        seed: Of the weights and of all pairs.
         parts: Parts that the views are dealt out to, for single-scan; each of at least 30 views.
         also: Further data sets whose patients are learnt from.
         loop_denoiser: Network that denoises in the loop of ADMM, from which half of the noisy images come; total
@@ -29,7 +36,7 @@ class TrainingOptions:
         texture_weight: Weight of the texture term in that loss, (HU / 1000)².
         contrast_weight: Weight of its contrast term, (HU / 1000)².
         examples: Slices that are scanned and reconstructed, before they come again with other changes.
-        kept: Folder that their images are kept in, for this and other trainings; each of 512 x 512 pixels takes
+        cache: Folder that their images are cached in, for this and other trainings; each of 512 x 512 pixels takes
             5 MB, and 2 MB for each further image of its loop.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
@@ -39,6 +46,15 @@ class TrainingOptions:
     """
 
     method: Literal["two-stage", "supervised", "single-scan"] = "two-stage"
+    epochs: int = TwoStage.epochs
+    pairs_per_epoch: int = TwoStage.pairs_per_epoch
+    batch: int = TwoStage.batch
+    side: int | None = None
+    learning_rate: float = TwoStage.learning_rate
+    decay: float = TwoStage.decay
+    at_once: Annotated[int | None, option(default="1 for whole images, else all of a batch")] = None
+    bfloat16: bool = TwoStage.bfloat16
+    seed: int = TwoStage.seed
     parts: Annotated[int | None, option(default=SingleScan.parts)] = None
     also: Annotated[tuple[Path, ...] | None, option(default="none")] = None
     loop_denoiser: str | None = None
@@ -49,7 +65,7 @@ class TrainingOptions:
     texture_weight: Annotated[float | None, option(default=TwoStage.texture_weight)] = None
     contrast_weight: Annotated[float | None, option(default=TwoStage.contrast_weight)] = None
     examples: Annotated[int | None, option(default=TwoStage.examples)] = None
-    kept: Path | None = None
+    cache: Path | None = None
     lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
     reference: Annotated[ReferenceName | None, option(default=TwoStage.reference)] = None

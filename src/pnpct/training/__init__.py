@@ -1,6 +1,9 @@
-"""From noisy images to the weights of a denoiser."""
+"""From scans to the weights of a denoiser: what it learns from, what is made small, and the methods."""
 
-from pnpct.training.examples import Example, Examples, MakeImages, Reference
+from pnpct.training.cached_examples import CachedExamples
+from pnpct.training.curves import training_curves
+from pnpct.training.examples import Example, Examples, Reference
+from pnpct.training.images import FBPImages, LoopImages, MakeImages, view_subset_images
 from pnpct.training.losses import (
     CONTRAST_WEIGHT,
     TEXTURE_WEIGHT,
@@ -13,30 +16,48 @@ from pnpct.training.losses import (
     stage_two_loss,
     texture_loss,
 )
+from pnpct.training.methods import METHODS, ReferenceName, Schedule, SingleScan, Supervised, TrainingPlan, TwoStage
 from pnpct.training.pairs import Pair, Pairs
+from pnpct.training.processes import from_first, joined_processes
 from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, Stage, train, two_stage
+from pnpct.training.validation import validate
 
 __all__ = [
     "CONTRAST_WEIGHT",
+    "METHODS",
     "TEXTURE_WEIGHT",
+    "CachedExamples",
     "Epoch",
     "Example",
     "Examples",
+    "FBPImages",
     "Form",
+    "LoopImages",
     "LossTerm",
     "MakeImages",
     "Pair",
     "Pairs",
     "Reference",
+    "ReferenceName",
+    "Schedule",
+    "SingleScan",
     "SplitViewPairs",
     "Stage",
+    "Supervised",
+    "TrainingPlan",
+    "TwoStage",
     "contrast_loss",
+    "from_first",
+    "joined_processes",
     "mean_squared_error",
     "ssim_loss",
     "stage_one_loss",
     "stage_two_loss",
     "texture_loss",
     "train",
+    "training_curves",
     "two_stage",
+    "validate",
+    "view_subset_images",
 ]

@@ -1,31 +1,25 @@
 """Examples to learn from: images of three scans of one slice, drawn from the exposures of a data set."""
 
-import hashlib
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import torch
 from jaxtyping import Float
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from pnpct.files import atomic_path, read_exposure, tube_voltages
-from pnpct.geometry import ImageGrid
+from pnpct.files import read_exposure, tube_voltages
 from pnpct.physics import Scan
+from pnpct.training.images import MakeImages
 
 Reference: TypeAlias = float | Literal["truth"]
 """What is learnt towards: the image of a scan at this tube current, mA, or what was scanned, without any blur."""
 
 REFERENCE: Reference = 800.0
 """A usual scan at high dose."""
-
-MakeImages: TypeAlias = Callable[[Scan, ImageGrid, torch.Generator], Float[Tensor, "*images rows cols"]]
-"""From a scan to an image on a grid, or to several, with random settings where there are any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +58,7 @@ class Examples:
             drowns what it could learn wherever its output is nearer to the truth than they are; their blur it learns.
         make_references: How images of the high-dose scan are made, for `make` and for each of `others`, with the same
             random settings as theirs; None makes one, by `make`, for all.
-        kept: Folder that examples are kept in, since making one takes longer than learning from it; None keeps none.
-        source: What the files are, such as the SHA-256 of their manifest; it tells kept examples of data sets apart.
+        source: What the files are, such as the SHA-256 of their manifest; it tells data sets apart in `settings`.
 
     Raises:
         ValueError: If there are no files, the currents are not positive and rising or the high one is below the low
@@ -79,7 +72,6 @@ class Examples:
     tube_currents_ma: tuple[float, float] = (20.0, 200.0)
     reference: Reference = REFERENCE
     make_references: Sequence[MakeImages] | None = None
-    kept: Path | None = None
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -99,37 +91,27 @@ class Examples:
                     f"Images made in {ways} ways have as many references, not {len(self.make_references)}."
                 )
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What an example depends on besides its number, as plain values."""
+        ways = self.make_references
+        return {
+            "source": self.source,
+            "files": [f"{path.parent.name}/{path.name}" for path in self.files],
+            "images": [dict(make.settings) for make in (self.make, *self.others)],
+            "references": None if ways is None else [dict(make.settings) for make in ways],
+            "reference": self.reference,
+            "tube_currents_ma": list(self.tube_currents_ma),
+            "seed": self.seed,
+        }
+
     def __call__(self, number: int) -> Example:
-        """Draw the example of a number, from 0 on, or read it where it is kept.
+        """Draw the example of a number, from 0 on.
 
         Raises:
-            OSError: If a file cannot be read or written.
+            OSError: If a file cannot be read.
             ValueError: If a file does not say where the pixels of its truth are.
         """
-        if self.kept is None:
-            return self._drawn(number)
-        file = self.kept / f"{number:06d}-{self._fingerprint()}.safetensors"
-        if file.exists():
-            try:
-                return Example(**load_file(file))
-            except SafetensorError as error:
-                raise OSError(f"{file} is damaged; remove it, and it is made anew.") from error
-        example = self._drawn(number)
-        self.kept.mkdir(parents=True, exist_ok=True)
-        with atomic_path(file) as temporary:
-            save_file({name: tensor.contiguous() for name, tensor in vars(example).items()}, temporary)
-        return example
-
-    def _fingerprint(self) -> str:
-        """What an example depends on besides its number, so that those of other training are not taken for it."""
-        names = [f"{path.parent.name}/{path.name}" for path in self.files]
-        makes = (self.make, *self.others, *(self.make_references or ()))
-        ways = [repr(make) if is_dataclass(make) else getattr(make, "__qualname__", "") for make in makes]
-        kinds = [each.name for each in fields(Example)]
-        depends = repr((self.source, kinds, names, ways, self.seed, self.tube_currents_ma, self.reference))
-        return hashlib.sha256(depends.encode()).hexdigest()[:12]
-
-    def _drawn(self, number: int) -> Example:
         draw = np.random.default_rng([self.seed, number])
         generator = torch.Generator().manual_seed(int(draw.integers(2**62)))
         path = self.files[int(draw.integers(len(self.files)))]

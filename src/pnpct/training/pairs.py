@@ -26,8 +26,8 @@ class Pair:
         input: Noisy image, relative to water.
         target: Image of the same slice, with independent noise.
         weight: How much the pair counts.
-        noise_level: Standard deviation of the noise of an FBP image of that dose, relative to water, for networks that
-            are told it; None where it is not known.
+        noise_level: Standard deviation of the noise of an FBP image of that dose, relative to water, for
+            noise-conditioned networks; None where it is not known.
     """
 
     input: Image

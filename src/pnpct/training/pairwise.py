@@ -20,7 +20,7 @@ def pairwise_losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bflo
         bfloat16: Whether the network computes in bfloat16 where that is exact enough.
 
     Raises:
-        ValueError: If the network is told the noise level and a pair does not say it.
+        ValueError: If the network is noise-conditioned and a pair has no noise level.
     """
     device = next(D.parameters()).device
     with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
@@ -30,11 +30,13 @@ def pairwise_losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bflo
 
 
 def _inputs(D: nn.Module, drawn: Sequence[Pair], device: torch.device) -> list[torch.Tensor]:
-    """What the network is given: images, and their noise levels if it is told them."""
+    """What the network is given: images, and their noise levels if it is conditioned on them."""
     images = torch.stack([pair.input for pair in drawn]).to(device)
     if not is_noise_conditioned(D):
         return [images]
     levels = [pair.noise_level for pair in drawn if pair.noise_level is not None]
     if len(levels) < len(drawn):
-        raise ValueError("This network is told the noise level, which these pairs do not say; train one without it.")
+        raise ValueError(
+            "This network is noise-conditioned, but these pairs have no noise level; train one without it."
+        )
     return [images, torch.tensor(levels, device=device)[:, None, None]]

@@ -3,7 +3,7 @@
     stage 1   L = L_MSE + λ_SSIM L_SSIM                      between D(v_low) and another v_low
     stage 2   L = L_MSE + λ_tex L_tex + λ_ca L_ca            between D(v_low) and v_high
 
-D is the network, and v are images. Both stages use Adam, whose learning rate falls by a factor after each epoch.
+D is the network, v are images. Both stages use Adam, whose learning rate falls by a factor after each epoch.
 """
 
 import copy
@@ -20,8 +20,8 @@ from pnpct.training.pairs import Pair
 from pnpct.training.pairwise import pairwise_losses
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
-NumberedPairs: TypeAlias = Callable[[int], Pair]
-"""Pairs by number, as `Pairs` is; the same number is always the same pair."""
+NumberedPairs: TypeAlias = Callable[[int], Pair]  # as `Pairs`: the same number is always the same pair
+BATCH, LEARNING_RATE, DECAY = 8, 1e-4, 0.99  # of the paper
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +83,10 @@ def train(
     loss: LossTerm,
     epochs: int,
     pairs_per_epoch: int,
-    batch: int = 8,
+    batch: int = BATCH,
     at_once: int = 1,
-    learning_rate: float = 1e-4,
-    decay: float = 0.99,
+    learning_rate: float = LEARNING_RATE,
+    decay: float = DECAY,
     bfloat16: bool = False,
     after: Epoch | None = None,
 ) -> Iterator[Epoch]:

@@ -1,18 +1,19 @@
-"""The parts of a single scan, and what a network learns from them."""
+"""The images that networks learn from: of FBP, of parts of the views, and of the loop of ADMM."""
 
+import json
 from dataclasses import replace
 from itertools import islice
 
 import pytest
 import torch
 
-from pnpct.cli.training_images import BETAS, LoopImages, fbp_image, unchanged, view_subset_images
 from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import Scan, simulate_counts, take_log
 from pnpct.reconstruction import ADMMState, fbp, pnp_admm
-from pnpct.training import SplitViewPairs, mean_squared_error, train
+from pnpct.training import FBPImages, LoopImages, SplitViewPairs, mean_squared_error, train, view_subset_images
+from pnpct.training.images import BETAS
 
 MU_WATER = 0.0193
 
@@ -37,7 +38,7 @@ def scan(disk: torch.Tensor, grid: ImageGrid, fan: FanBeam) -> Scan:
 @pytest.mark.parametrize("parts", [2, 3, 4])
 def test_the_mean_of_the_parts_is_the_image_of_all_views(scan: Scan, grid: ImageGrid, parts: int) -> None:
     images = view_subset_images(scan, grid, parts)
-    torch.testing.assert_close(images.mean(0), fbp_image(scan, grid), rtol=0, atol=1e-5)
+    torch.testing.assert_close(images.mean(0), FBPImages()(scan, grid), rtol=0, atol=1e-5)
     assert (images[0] - images[1]).abs().max() > 0.01
 
 
@@ -81,7 +82,7 @@ def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth
     D = RDNCBAM(RDNSize(features=8, growth=8, blocks=1, convolutions=2))
     options = {"epochs": 1, "pairs_per_epoch": 360, "batch": 4, "at_once": 4, "learning_rate": 3e-3}
     list(train(D, pairs, stage="single-scan", loss=mean_squared_error, **options))
-    image = fbp_image(noisy, grid)
+    image = FBPImages()(noisy, grid)
     with torch.no_grad():
         errors = [float((each - truth).square().mean().sqrt()) for each in (image, D(image[None])[0])]
     assert errors[1] < 0.6 * errors[0], errors
@@ -112,7 +113,7 @@ def test_around_what_changes_nothing_the_loop_goes_from_fbp_towards_what_the_ray
     disk: torch.Tensor, grid: ImageGrid, fan: FanBeam
 ) -> None:
     quiet = scan_of(disk, grid, fan, incident=1e9)
-    images = LoopImages(unchanged, "none", 9, 9)(quiet, grid, torch.Generator().manual_seed(2))[[0, 2, 8]]
+    images = LoopImages(iterations=9, number=9).undisturbed()(quiet, grid, torch.Generator().manual_seed(2))[[0, 2, 8]]
     blurred = fbp(take_log(quiet).line_integrals, Projector(grid, fan, mu_water=MU_WATER), kernel="soft")
     errors = [float((image - disk).square().mean()) for image in (blurred, *images)]
     assert errors == sorted(errors, reverse=True)
@@ -125,3 +126,26 @@ def _beta_and_iterations(seed: int) -> tuple[float, list[int]]:
     torch.rand((), generator=generator)
     share = float(torch.rand((), generator=generator))
     return BETAS[0] * (BETAS[1] / BETAS[0]) ** share, sorted(torch.randperm(3, generator=generator)[:2].tolist())
+
+
+def test_the_settings_of_images_tell_apart_what_makes_them() -> None:
+    loop = LoopImages()
+    ways = [
+        FBPImages(),
+        FBPImages("soft"),
+        loop,
+        loop.undisturbed(),
+        replace(loop, denoiser=Gaussian(0.8), name="blur"),
+        replace(loop, iterations=4),
+        replace(loop, iterations=4, number=2),
+        replace(loop, damping=0.1),
+    ]
+    assert len({json.dumps(way.settings) for way in ways}) == len(ways)
+
+
+@pytest.mark.parametrize("images", [0, 4])
+def test_a_loop_has_as_many_images_as_iterations(images: int) -> None:
+    with pytest.raises(ValueError, match=f"3 iterations give 1 to 3 images, not {images}"):
+        LoopImages(number=images)
+    with pytest.raises(ValueError, match="at least one iteration, got 0"):
+        LoopImages(iterations=0)

@@ -1,8 +1,10 @@
-"""The images that a denoiser learns from: those of FBP, and those that ADMM shows it."""
+"""Images that a denoiser learns from: those of FBP, and those that the loop of ADMM shows it."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -12,7 +14,7 @@ from torch import Tensor
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
-from pnpct.operators import Projector
+from pnpct.operators import Kernel, Projector
 from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import ADMMState, fbp, pnp_admm
 
@@ -26,17 +28,49 @@ ten times as far as FBP, and training on such images diverged.
 STRENGTHS_HU = (15.0, 120.0)
 """Lowest and highest strength of total variation, HU × pixel, drawn likewise."""
 
-
-QUIET_MA = 1e6
-"""Tube current of a scan with next to no noise, mA: 1 HU in an FBP image."""
+TV_ITERATIONS = 20
+"""Iterations of total variation in the loop."""
 
 LEAST_VIEWS = 30
 """Views of a part of a scan; FBP takes views of a turn that are farther apart, from 15 degrees on, for gaps."""
 
 
-def fbp_image(scan: Scan, grid: ImageGrid, _: torch.Generator | None = None) -> Image:
-    """Return the sharpest image, with all its noise."""
-    return fbp(take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water), kernel="ram-lak")
+@runtime_checkable
+class MakeImages(Protocol):
+    """From a scan to an image on a grid, or to several, with random settings where there are any."""
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """What makes the images: its name and numbers, as plain values."""
+        ...
+
+    def __call__(
+        self, scan: Scan, grid: ImageGrid, generator: torch.Generator, /
+    ) -> Float[Tensor, "*images rows cols"]:
+        """Return the image, or several."""
+        ...
+
+
+@dataclass(frozen=True)
+class FBPImages:
+    """Images of filtered back-projection; the sharpest kernel leaves all the noise.
+
+    Args:
+        kernel: Filter of FBP.
+    """
+
+    kernel: Kernel = "ram-lak"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What makes the images, as plain values."""
+        return {"images": "fbp", "kernel": self.kernel}
+
+    def __call__(
+        self, scan: Scan, grid: ImageGrid, _: torch.Generator | None = None, /
+    ) -> Float[Tensor, "*slices rows cols"]:
+        """Return the image of a scan."""
+        return fbp(take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water), kernel=self.kernel)
 
 
 def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor, "parts *slices rows cols"]:
@@ -58,7 +92,7 @@ def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor,
         raise ValueError(f"The views of a scan are dealt out to at least two parts, got {parts}.")
     if (views := scan.geometry.views) < LEAST_VIEWS * parts:
         raise ValueError(f"{parts} parts of at least {LEAST_VIEWS} views each cannot be made of {views} views.")
-    return torch.stack([fbp_image(scan[first::parts], grid) for first in range(parts)])
+    return torch.stack([FBPImages()(scan[first::parts], grid) for first in range(parts)])
 
 
 @dataclass(frozen=True)
@@ -66,14 +100,16 @@ class LoopImages:
     """What the denoiser gets in some of the first iterations of ADMM, x + u, whose noise has another colour than FBP's.
 
     Args:
-        denoiser: What denoised in the iterations before; total variation of random strength if None. With `unchanged`
-            and a quiet scan: what an iteration shows without noise.
-        name: What the denoiser is, for telling images apart.
+        denoiser: What denoises in the iterations before; total variation of random strength if None.
+        name: What the denoiser is, such as the SHA-256 of a network; it stands for the denoiser in `settings`.
         iterations: Most iterations, ≥ 1.
         number: In how many of them, from 1 to all. Each image costs the iterations before it, so several cost little
             more than one.
         damping: Share of the dual variable that each iteration forgets: what the reconstruction has around the same
             denoiser.
+
+    Raises:
+        ValueError: If there is no iteration, or more images than iterations.
     """
 
     denoiser: Denoise | None = field(default=None, repr=False)
@@ -82,14 +118,31 @@ class LoopImages:
     number: int = 1
     damping: float = 0.0
 
+    def __post_init__(self) -> None:
+        if self.iterations < 1:
+            raise ValueError(f"The loop needs at least one iteration, got {self.iterations}.")
+        if not 1 <= self.number <= self.iterations:
+            raise ValueError(f"{self.iterations} iterations give 1 to {self.iterations} images, not {self.number}.")
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What makes the images, as plain values."""
+        loop = {"iterations": self.iterations, "number": self.number, "damping": self.damping, "betas": list(BETAS)}
+        tv = {} if self.denoiser else {"strengths_hu": list(STRENGTHS_HU), "tv_iterations": TV_ITERATIONS}
+        return {"images": "loop", "denoiser": self.name, **loop, **tv}
+
+    def undisturbed(self) -> "LoopImages":
+        """Return the loop around a denoiser that changes nothing: of a quiet scan, what it shows without noise."""
+        return replace(self, denoiser=_unchanged, name="none")
+
     def __call__(
-        self, scan: Scan, grid: ImageGrid, generator: torch.Generator
+        self, scan: Scan, grid: ImageGrid, generator: torch.Generator, /
     ) -> Float[Tensor, "number *slices rows cols"]:
         """Return the images of iterations and for a penalty β that are drawn."""
         A = _projector(grid, scan.geometry, scan.mu_water)
         sinogram = take_log(scan)
         strength = _evenly_in_logarithm(*STRENGTHS_HU, generator) / 1000
-        denoise = self.denoiser or TotalVariation(strength, iterations=20)
+        denoise = self.denoiser or TotalVariation(strength, iterations=TV_ITERATIONS)
         beta = _evenly_in_logarithm(*BETAS, generator)
         chosen = torch.randperm(self.iterations, generator=generator)[: self.number].sort().values.tolist()
         shown: list[Image] = []
@@ -104,8 +157,7 @@ class LoopImages:
         return torch.stack([shown[iteration] for iteration in chosen])
 
 
-def unchanged(image: Image) -> Image:
-    """Denoise what has no noise."""
+def _unchanged(image: Image) -> Image:
     return image
 
 

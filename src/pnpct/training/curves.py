@@ -1,4 +1,4 @@
-"""The curves of a training in TensorBoard, where somebody wants them."""
+"""The curves of a training in TensorBoard, where they are wanted."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ def training_curves(folder: Path | None) -> Iterator[Draw]:
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
-        raise ValueError("--tensorboard needs the package tensorboard: pip install tensorboard.") from error
+        raise ValueError("Curves of training need the package tensorboard: pip install tensorboard.") from error
     with SummaryWriter(str(folder)) as writer:
 
         def draw(stage: str, epochs: int, figures: Mapping[str, float]) -> None:

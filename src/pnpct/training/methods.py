@@ -1,0 +1,281 @@
+"""The ways to train a denoiser: frozen values, whose fields are their options and the only place of the defaults.
+
+A method makes a `TrainingPlan` of a network and of what it shall learn from; the plan is iterated over in epochs.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import torch
+from torch import nn
+from typing_extensions import override
+
+from pnpct.denoisers import LearnedDenoiser
+from pnpct.denoisers.noise_level import is_noise_conditioned
+from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
+from pnpct.geometry import ImageGrid
+from pnpct.physics import Scan
+from pnpct.reconstruction import DAMPING
+from pnpct.training.cached_examples import CachedExamples
+from pnpct.training.examples import Examples, Reference
+from pnpct.training.images import FBPImages, LoopImages, view_subset_images
+from pnpct.training.losses import (
+    CONTRAST_WEIGHT,
+    TEXTURE_WEIGHT,
+    Form,
+    mean_squared_error,
+    stage_one_loss,
+    stage_two_loss,
+)
+from pnpct.training.pairs import Pairs
+from pnpct.training.single_scan import SplitViewPairs
+from pnpct.training.two_stage import BATCH, DECAY, LEARNING_RATE, Epoch, train, two_stage
+from pnpct.training.validation import validate
+
+ReferenceName: TypeAlias = Reference | Literal["noise-free"]
+"""As of `Examples`, or what each image would be without its noise, with the same blur."""
+
+QUIET_MA = 1e6
+"""Tube current of a scan with next to no noise, mA: 1 HU in an FBP image."""
+
+
+CPU = torch.device("cpu")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingPlan:
+    """The training of one network, ready to begin.
+
+    Args:
+        epochs: From the epoch to continue `after`, if any, to those that follow; the weights of the network change.
+        total: How many epochs there are.
+        validate: Returns how far the network is from references now, HU, for inputs of FBP and of the loop; nothing
+            where no reference is known.
+    """
+
+    epochs: Callable[..., Iterator[Epoch]]
+    total: int
+    validate: Callable[[], dict[str, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """How long and in what steps a network is trained, by whichever method.
+
+    Args:
+        epochs: Epochs of noise to noise, or of the only stage.
+        pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
+        batch: Pairs of one step.
+        side: Rows and columns of squares that are cut out; None takes whole images.
+        learning_rate: Of Adam, in the first epoch.
+        decay: Factor of the learning rate after each epoch, 0 to 1.
+        at_once: Pairs that go through the network together; None takes one whole image, or all squares of a batch.
+        bfloat16: Whether networks compute in bfloat16 where that is exact enough.
+        seed: Of all pairs and examples.
+    """
+
+    epochs: int = 40
+    pairs_per_epoch: int = 64
+    batch: int = BATCH
+    side: int | None = None
+    learning_rate: float = LEARNING_RATE
+    decay: float = DECAY
+    at_once: int | None = None
+    bfloat16: bool = False
+    seed: int = 0
+
+    def settings(self) -> dict[str, Any]:
+        """Return all options that the weights depend on, beyond rounding, as plain values."""
+        settings = asdict(self)
+        del settings["at_once"]
+        return settings
+
+    def _steps(self) -> dict[str, Any]:
+        """The options of `train`."""
+        names = ("pairs_per_epoch", "batch", "learning_rate", "decay", "bfloat16")
+        # Squares are small; whole images fill the memory one by one.
+        at_once = (1 if self.side is None else self.batch) if self.at_once is None else self.at_once
+        return {**{name: getattr(self, name) for name in names}, "at_once": at_once}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Supervised(Schedule):
+    """Learn from dose pairs of data sets: low-dose images, and what they should be.
+
+    Args:
+        also: Folders of further data sets whose patients are learnt from.
+        loop_denoiser: Network that denoises in the loop of ADMM, by name or file; total variation if None.
+        loop_iterations: Most iterations of the loop.
+        loop_images: Images of each loop that are learnt from; more of them take hardly more time.
+        examples: Slices that are scanned and reconstructed, before they come again with other changes.
+        cache: Folder that their images are cached in, for this and other trainings; None makes them anew.
+        lowest_ma: Lowest tube current of low-dose scans, mA.
+        highest_ma: Highest tube current of low-dose scans, mA.
+        reference: What dose pairs learn towards: FBP images of scans at this tube current, mA; "noise-free", what
+            each image would be without its noise, just as blurred; or "truth", what was scanned.
+        discount: Power of the noise by which noisy pairs count less, 0 to 4.
+    """
+
+    also: tuple[Path, ...] = ()
+    loop_denoiser: str | None = None
+    loop_iterations: int = LoopImages.iterations
+    loop_images: int = LoopImages.number
+    examples: int = 1000
+    cache: Path | None = None
+    lowest_ma: float = Examples.tube_currents_ma[0]
+    highest_ma: float = Examples.tube_currents_ma[1]
+    reference: ReferenceName = Examples.reference
+    discount: float = Pairs.discount
+
+    @override
+    def settings(self) -> dict[str, Any]:
+        settings = super().settings()
+        del settings["cache"]
+        denoiser = self.loop_denoiser and sha256_of(network_file(self.loop_denoiser))
+        return {**settings, "also": _manifests(self.also), "loop_denoiser": denoiser}
+
+    def plan(self, network: nn.Module, data: Path) -> TrainingPlan:
+        """Return the training of a network on a data set.
+
+        Args:
+            network: The network, on its device.
+            data: Folder of the data set, as `simulate_dataset` makes it.
+
+        Raises:
+            OSError: If a file cannot be read.
+            ValueError: If a part of the data set is empty, an option is out of its range, or the network of the loop
+                is noise-conditioned.
+        """
+        device = next(network.parameters()).device
+        validation = self.examples_from(data, "validation", device=device)
+        drawn = self.examples_from(data, "train", device=device)
+        pairs = partial(Pairs, drawn, distinct=self.examples, side=self.side, discount=self.discount)
+        epochs, total = self._stages(network, pairs)
+        return TrainingPlan(epochs, total, partial(validate, network, lru_cache(validation)))
+
+    def _stages(self, network: nn.Module, pairs: Callable[..., Pairs]) -> tuple[Callable[..., Iterator[Epoch]], int]:
+        dosed = pairs(kind="dose", seed=self.seed + 1)
+        options = {"stage": "supervised", "loss": mean_squared_error, "epochs": self.epochs, **self._steps()}
+        return partial(train, network, dosed, **options), self.epochs
+
+    def examples_from(self, data: Path, split: Split, *, device: torch.device = CPU) -> Examples | CachedExamples:
+        """Return what is learnt from one part of the data sets: examples by number.
+
+        Args:
+            data: Folder of the first data set.
+            split: Which part.
+            device: Where the network of the loop computes.
+
+        Raises:
+            OSError: If a file cannot be read.
+            ValueError: If the part is empty, an option is out of its range, or the network of the loop is
+                noise-conditioned.
+        """
+        loop, datasets = self._loop(device), (data, *self.also)
+        files = [dataset / name for dataset in datasets for name in read_manifest(dataset).files(split)]
+        if not files:
+            raise ValueError(f"{data} has no patients for {split}; simulate more of them.")
+        towards: dict[str, Any] = {"reference": self.reference}
+        if self.reference == "noise-free":
+            towards = {"reference": QUIET_MA, "make_references": (FBPImages(), loop.undisturbed())}
+        currents, source = (self.lowest_ma, self.highest_ma), " ".join(_manifests(datasets))
+        options = {"seed": self.seed, "tube_currents_ma": currents, "source": source, **towards}
+        examples = Examples(files, FBPImages(), (loop,), **options)
+        return examples if self.cache is None else CachedExamples(examples, self.cache)
+
+    def _loop(self, device: torch.device) -> LoopImages:
+        """The loop of ADMM whose images are learnt from."""
+        loop = LoopImages(iterations=self.loop_iterations, number=self.loop_images)
+        if self.loop_denoiser is None:
+            return loop
+        path = network_file(self.loop_denoiser)
+        network = load_network(path).to(device)
+        if is_noise_conditioned(network):
+            raise ValueError(
+                f"{self.loop_denoiser} is noise-conditioned, but the loop of training does not know the noise level."
+            )
+        name = f"{sha256_of(path)}{' in bfloat16' if self.bfloat16 else ''}"
+        return replace(loop, denoiser=LearnedDenoiser(network, bfloat16=self.bfloat16), name=name, damping=DAMPING)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoStage(Supervised):
+    """Learn as the paper does: first from pairs of noisy images of data sets, then from dose pairs.
+
+    Args:
+        fine_tuning_epochs: Epochs of the second stage.
+        losses: Loss of the second stage: "corrected", or as the "paper" prints it, which cannot reach its goal.
+        texture_weight: Weight of the texture term in that loss, (HU / 1000)².
+        contrast_weight: Weight of its contrast term, (HU / 1000)².
+
+    Raises:
+        ValueError: If a weight is negative or not finite.
+    """
+
+    fine_tuning_epochs: int = 20
+    losses: Form = "corrected"
+    texture_weight: float = TEXTURE_WEIGHT
+    contrast_weight: float = CONTRAST_WEIGHT
+
+    def __post_init__(self) -> None:
+        weights = self.texture_weight, self.contrast_weight  # checked here, since the second stage begins after hours
+        if not all(0 <= weight < math.inf for weight in weights):
+            raise ValueError(f"Weights of a loss are numbers from 0 up, got {weights[0]:g} and {weights[1]:g}.")
+
+    @override
+    def _stages(self, network: nn.Module, pairs: Callable[..., Pairs]) -> tuple[Callable[..., Iterator[Epoch]], int]:
+        noisy, dosed = pairs(kind="noisy", seed=self.seed), pairs(kind="dose", seed=self.seed + 1)
+        second = partial(
+            stage_two_loss,
+            form=self.losses,
+            texture_weight=self.texture_weight,
+            contrast_weight=self.contrast_weight,
+        )
+        epochs = self.epochs, self.fine_tuning_epochs
+        options = {"epochs": epochs, "losses": (stage_one_loss, second), **self._steps()}
+        return partial(two_stage, network, noisy, dosed, **options), sum(epochs)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleScan(Schedule):
+    """Learn from one scan, of which the views are dealt out to parts that are set against each other.
+
+    Args:
+        parts: How many parts, each of at least 30 views.
+    """
+
+    parts: int = 4
+
+    def plan(self, network: nn.Module, scan: Scan, grid: ImageGrid) -> TrainingPlan:
+        """Return the training of a network on a scan; the images of its parts are made here.
+
+        Args:
+            network: The network, on its device.
+            scan: What was measured, of one slice or of several.
+            grid: Where the pixels of the images shall be.
+
+        Raises:
+            ValueError: If the network is noise-conditioned, or the parts cannot be made.
+        """
+        if is_noise_conditioned(network):
+            raise ValueError("A noise-conditioned network cannot learn from a single scan, whose noise is not known.")
+        pairs = SplitViewPairs(view_subset_images(scan, grid, self.parts), self.seed, side=self.side)
+        options = {"stage": "single-scan", "loss": mean_squared_error, "epochs": self.epochs, **self._steps()}
+        return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict)
+
+
+METHODS: dict[str, type[TwoStage | Supervised | SingleScan]] = {
+    "two-stage": TwoStage,
+    "supervised": Supervised,
+    "single-scan": SingleScan,
+}
+"""The methods by their names."""
+
+
+def _manifests(datasets: Sequence[Path]) -> list[str]:
+    """The SHA-256 of the manifest of each data set."""
+    return [sha256_of(dataset / MANIFEST) for dataset in datasets]
