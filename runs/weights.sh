@@ -20,7 +20,7 @@ pnpct simulate dataset real --cases 0 --stations 20 --rows 1 --noise-hu 15 --see
 # of the two-stage network alone, options of both.
 train() {
   local round=$1 before=$2 noisy=$3 dosed=$4 losses=$5
-  local options=(--kept images --bfloat16 --side 128 --batch 8 --pairs-per-epoch 512 --licence Apache-2.0 "${@:6}")
+  local options=(--cache images --bfloat16 --side 128 --batch 8 --pairs-per-epoch 512 --licence Apache-2.0 "${@:6}")
   # shellcheck disable=SC2086  # the losses are several words, or none
   pnpct train scans "$round.safetensors" "${options[@]}" ${before:+--begin-with "$before.safetensors"} $losses \
     --epochs "$noisy" --fine-tuning-epochs "$dosed" >> "$round.log" &
@@ -67,5 +67,5 @@ python "$runs/mean_of_networks.py" n2n.safetensors twelfth.safetensors thirteent
 python "$runs/mean_of_networks.py" supervised.safetensors twelfth-supervised.safetensors thirteenth-supervised.safetensors
 
 # RED-CNN, the baseline from outside, for 35 minutes of one core; its steps take ten times as long.
-pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --kept images --bfloat16 --side 64 --batch 8 \
+pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --cache images --bfloat16 --side 64 --batch 8 \
   --pairs-per-epoch 256 "${around_third[@]}" --epochs 12 --learning-rate 1e-3 --decay 0.75 >> red-cnn.log

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pnpct.cli.options import check_effect
-from pnpct.cli.parsing import option
+from pnpct.cli.parsing import given_options, option
 from pnpct.training import METHODS, Form, ReferenceName, SingleScan, Supervised, TwoStage
 
 
@@ -77,8 +77,6 @@ class TrainingOptions:
         Raises:
             ValueError: If one of them has no effect on it.
         """
-        values: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(TrainingOptions)}
-        del values["method"]
-        given = {name: value for name, value in values.items() if value is not None}
+        given = given_options(self, [field.name for field in fields(TrainingOptions) if field.name != "method"])
         check_effect(given, self.method, {name: {f.name for f in fields(of)} for name, of in METHODS.items()})
         return METHODS[self.method](**given)
