@@ -67,7 +67,7 @@ class RDNCBAM(nn.Module):
 
     Args:
         size: One of `SIZES`, or another.
-        noise_input: Whether it is told the noise level. If so it must be told it always, and else never.
+        noise_input: Whether it is noise-conditioned. If so it needs a noise level always, and else never.
         attention: "local", or "global" for the attention as it was published.
 
     References:

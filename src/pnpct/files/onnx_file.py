@@ -19,7 +19,7 @@ def export_onnx(network: nn.Module, path: PathLike) -> None:
     """Write a network as ONNX.
 
     The input "image" and the output "denoised" are float32 [batch, rows, cols], relative to water, of any size that
-    the network takes; networks that are told the noise level have the second input "noise_level", of the shape of
+    the network takes; noise-conditioned networks have the second input "noise_level", of the shape of
     the image. Nothing else is in the file: what it was trained with is said beside the .safetensors file.
 
     Args:
