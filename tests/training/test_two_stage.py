@@ -1,11 +1,7 @@
-import os
-import socket
 from dataclasses import replace
 
 import pytest
 import torch
-import torch.multiprocessing as processes
-from torch import distributed
 
 from pnpct.denoisers import RDNCBAM, RDNSize
 from pnpct.training import Epoch, Pair, mean_squared_error, train, two_stage
@@ -130,28 +126,3 @@ def test_numbers_that_cannot_be_are_refused() -> None:
     epoch = next(train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=1, **OPTIONS))
     with pytest.raises(ValueError, match="cannot be continued by fine-tuning"):
         list(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(1, 1), after=epoch, **OPTIONS))
-
-
-def _one_of_two(rank: int, port: int, losses: object) -> None:
-    os.environ.update(MASTER_ADDR="127.0.0.1", MASTER_PORT=str(port))
-    torch.set_num_threads(1)
-    distributed.init_process_group("gloo", rank=rank, world_size=2)
-    epochs = train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=3, **OPTIONS)
-    losses[rank] = [epoch.loss for epoch in epochs]
-    distributed.destroy_process_group()
-
-
-def test_two_processes_have_the_losses_of_one() -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    with processes.Manager() as manager:
-        losses = manager.dict()
-        processes.spawn(_one_of_two, args=(port, losses), nprocs=2)
-        both = dict(losses)
-    alone = [
-        epoch.loss
-        for epoch in train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=3, **OPTIONS)
-    ]
-    assert both[0] == both[1]
-    assert both[0] == pytest.approx(alone, rel=1e-5)
