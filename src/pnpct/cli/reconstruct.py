@@ -45,6 +45,8 @@ class Reconstruct(MethodOptions):
         device = choose_device(self.device)
         method = self.chosen_method(device)
         scan = on_device(read_scan(self.scan), device)
+        if scan.counts.ndim > len(scan.geometry.shape) and ".nii" in self.image.suffixes:
+            raise ValueError(f"{self.scan} holds several scans, and NIfTI one image; write .h5.")
         grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view)
         with working("Preparing"):
             projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
