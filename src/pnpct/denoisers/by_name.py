@@ -8,6 +8,7 @@ from typing import TypeAlias
 from pnpct.arrays import Image
 from pnpct.denoisers.gaussian import Gaussian
 from pnpct.denoisers.nonlocal_means import NonlocalMeans
+from pnpct.denoisers.quadratic import Quadratic
 from pnpct.denoisers.total_variation import TotalVariation
 
 Denoise: TypeAlias = Callable[[Image], Image]
@@ -32,6 +33,7 @@ class Classical:
 DENOISERS = {
     "tv": Classical(lambda strength: TotalVariation(strength / 1000), "HU × pixel", 70.0),
     "nonlocal-means": Classical(lambda strength: NonlocalMeans(strength / 1000), "HU of noise", 70.0),
+    "quadratic": Classical(Quadratic, "pixels²", 4.0),
     "gaussian": Classical(Gaussian, "pixels", 1.0),
 }
 """The classical denoisers; a line here makes one known to all commands."""
