@@ -15,6 +15,7 @@ from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
 from pnpct.files.provenance import Provenance
+from pnpct.files.self_contained import check_self_contained
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 FORMAT_VERSION = 1
@@ -65,7 +66,7 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If the content is not whole, of another format, or of a newer version.
+        FileFormatError: If the content is not whole, of another format or of a newer version, or leads to another file.
     """
     path = existing_file(path)
     with path.open("rb"):
@@ -73,6 +74,7 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             _check_format(file, formats)
+            check_self_contained(file)
             yield file
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from error
