@@ -109,9 +109,7 @@ def example_scan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
 
     here, folder = Path.cwd(), tmp_path_factory.mktemp("readme")
     os.chdir(folder)
-    assert (
-        main([*["simulate", "scan", "scan.h5", "--anatomy", "head", "--size", "32", "--views", "48", "--bins", "60"]])
-        == 0
-    )
+    body = ["--anatomy", "head", "--size", "32", "--views", "48", "--bins", "60"]
+    assert main(["simulate", "scan", "scan.h5", *body]) == 0
     yield
     os.chdir(here)
