@@ -16,7 +16,7 @@ from pnpct.physics import Exposure, Moments
 from pnpct.simulation import (
     as_exposure,
     clinical_fan_beam,
-    made_up,
+    procedural_patient,
     scanner_beam,
     simulate_moments,
     truth,
@@ -72,7 +72,7 @@ def cases(folder: Path, names: list[str], patients: int = PATIENTS) -> Iterator[
 
 
 def _make(name: str, files: list[Path], patients: int) -> None:
-    source = made_up(name, np.random.default_rng([patients, *name.encode()]))
+    source = procedural_patient(name, np.random.default_rng([patients, *name.encode()]))
     grid, geometry = source.grid, clinical_fan_beam()
     fine = ImageGrid(2 * grid.rows, 2 * grid.cols, grid.spacing / 2)
     beam = scanner_beam(geometry, tube_voltage_kvp=120.0)

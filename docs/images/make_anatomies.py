@@ -55,12 +55,12 @@ def sheet(size: int) -> Picture.Image:
 def beside_a_real_slice(series: Path, size: int) -> Picture.Image:
     """A chest that is made up, and one that was scanned."""
     grid = ImageGrid(size, size, spacing=420.0 / size)
-    made_up = shown(truth(ANATOMIES["chest"].build(np.random.default_rng(SEED)).slice(0.0, grid), grid))
+    procedural = shown(truth(ANATOMIES["chest"].build(np.random.default_rng(SEED)).slice(0.0, grid), grid))
     hu = read_volume(series).image_hu[REAL_SLICE].astype(np.float32)
     border = 18  # of 512 pixels of 0.883 mm: 420 mm are left
     grey = np.clip((hu[border:-border, border:-border] + 160) / 400, 0, 1) * 255
     real = Picture.fromarray(grey.astype(np.uint8)).resize((size, size), Picture.Resampling.BICUBIC)
-    return Picture.fromarray(np.hstack([made_up, np.asarray(real)]))
+    return Picture.fromarray(np.hstack([procedural, np.asarray(real)]))
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ from pnpct.simulation import (
     expose,
     fingerprint,
     from_files,
-    made_up,
+    procedural_patient,
     scanner_beam,
     truth,
 )
@@ -35,31 +35,31 @@ FINE = Sampling(columns=2, focal_spot=(2, 2), views=2)
 class SimulateScan:
     """Simulate a scan of one slice.
 
-    A patient who is made up, another one for every seed, or one whose images are read, is scanned by a scanner of
-    today. The scan keeps the truth.
+    A modern clinical scanner scans a procedural patient, a different one for every seed, or a patient read from files.
+    The scan contains the truth.
 
     Args:
-        scan: Where the scan shall be, .h5.
-        anatomy: Part of the body of a patient who is made up.
-        body: Instead: a folder with a DICOM CT series, a volume of HU (.npz) or an XCIST phantom (.json, .zip).
+        scan: File for the scan, .h5.
+        anatomy: Body region of a procedural patient.
+        body: A folder with a DICOM CT series, a volume in HU (.npz) or an XCIST phantom (.json, .zip) instead.
         z: Height of the slice, mm.
-        noise_hu: Standard deviation of the noise that is removed from a CT series, HU.
-        tube_current_ma: Tube current, mA, for a rotation of one second; 40 is a low dose, 200 a usual one.
+        noise_hu: Standard deviation of the noise to remove from a CT series, HU.
+        tube_current_ma: Tube current, mA, at a rotation time of one second; 40 is low dose, 200 routine dose.
         tube_voltage_kvp: Peak tube voltage, 70 to 140 kVp.
-        bowtie: Bow-tie filter: for large, medium or small bodies.
+        bowtie: Bow-tie filter, for large, medium or small bodies.
         detector: Kind of detector.
-        crosstalk: Share of the x-rays of a cell that is detected in each of its neighbours.
-        blur: Average over the focal spot, the cells and the rotation during a view; ten times slower.
-        views: Views in the turn.
-        bins: Cells that share the detector's arc.
-        size: Rows and columns of the truth; what is scanned has pixels of half the size.
+        crosstalk: Fraction of a cell's x-rays that is detected in each of its neighbours.
+        blur: Average over the focal spot, the detector cells and the rotation during a view; ten times slower.
+        views: Views per rotation.
+        bins: Detector cells along the arc.
+        size: Rows and columns of the truth; the phantom that is scanned has pixels of half the size.
         seed: Seed of the patient and of the noise.
     """
 
     scan: Positional[Path]
     anatomy: Annotated[str | None, option(default="chest", metavar=f"{{{','.join(ANATOMIES)}}}")] = None
-    body: Annotated[Path | None, option(default="a patient who is made up")] = None
-    z: Annotated[float | None, option(default="where there is most to see")] = None
+    body: Annotated[Path | None, option(default="a procedural patient")] = None
+    z: Annotated[float | None, option(default="a slice with much anatomy, or the middle of --body")] = None
     noise_hu: float = 0.0
     tube_current_ma: float = 40.0
     tube_voltage_kvp: float = 120.0
@@ -79,10 +79,10 @@ class SimulateScan:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
         if self.body and self.anatomy:
-            raise ValueError("--anatomy makes a patient up and --body reads one; give one of them.")
+            raise ValueError("--anatomy takes a procedural patient and --body reads one; give only one of them.")
         if not 0 <= self.noise_hu < math.inf or (self.noise_hu and not self.body):
             raise ValueError(
-                f"--noise-hu is the noise of a CT series, from 0 up, and needs --body, got {self.noise_hu}."
+                f"--noise-hu is the noise of a CT series, at least 0, and needs --body, got {self.noise_hu}."
             )
         of_patient, of_noise = generators(self.seed)
         inputs = {str(self.body): fingerprint(self.body)} if self.body else {}
@@ -94,7 +94,7 @@ class SimulateScan:
             if self.body:
                 source = from_files(self.body, size=self.size, noise_hu=self.noise_hu)
             else:
-                source = made_up(self.anatomy or "chest", of_patient, size=self.size)
+                source = procedural_patient(self.anatomy or "chest", of_patient, size=self.size)
             fine = ImageGrid(2 * self.size, 2 * self.size, source.grid.spacing / 2)
             phantom = source.body.slice(source.height if self.z is None else self.z, fine)
             exposure = expose(phantom, geometry, beam, sampling=FINE if self.blur else None, crosstalk=self.crosstalk)

@@ -28,7 +28,7 @@ from pnpct.simulation.scanner import (
     moments_behind,
     simulate_moments,
 )
-from pnpct.simulation.sources import Source, fingerprint, from_files, made_up
+from pnpct.simulation.sources import Source, fingerprint, from_files, procedural_patient
 from pnpct.simulation.spectrum import Spectrum, tube_spectrum
 from pnpct.simulation.voxel_body import VoxelBody
 
@@ -66,10 +66,10 @@ __all__ = [
     "from_files",
     "head_body",
     "low_contrast_phantom",
-    "made_up",
     "moments_behind",
     "pelvis_body",
     "plan",
+    "procedural_patient",
     "relative_attenuation",
     "scanner_beam",
     "simulate_dataset",

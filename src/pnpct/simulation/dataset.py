@@ -32,7 +32,7 @@ from pnpct.simulation.catsim_job import require_catsim
 from pnpct.simulation.phantom import truth
 from pnpct.simulation.recipe import Recipe, Station, plan
 from pnpct.simulation.scanner import SLICE_THICKNESS, as_exposure, clinical_fan_beam, simulate_moments
-from pnpct.simulation.sources import Source, fingerprint, from_files, is_phantom, made_up
+from pnpct.simulation.sources import Source, fingerprint, from_files, is_phantom, procedural_patient
 
 
 def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Iterator[ListedScan]:
@@ -117,7 +117,7 @@ def _source(recipe: Recipe, station: Station) -> Source:
         path = Path(station.source)
         return from_files(path, size=recipe.size, noise_hu=0.0 if is_phantom(path) else recipe.noise_hu)
     generator = np.random.default_rng([recipe.seed, station.patient, *station.source.encode()])
-    return made_up(station.source, generator, size=recipe.size)
+    return procedural_patient(station.source, generator, size=recipe.size)
 
 
 def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[dict[float, ExposedSlice]]:

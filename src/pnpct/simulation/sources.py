@@ -1,4 +1,4 @@
-"""Where bodies come from: our own anatomies, a CT series, or a voxelised phantom."""
+"""Where bodies come from: procedural anatomies, a CT series, or a voxelised phantom."""
 
 import hashlib
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Source:
 
     Args:
         body: The body.
-        grid: Square that shows it whole.
+        grid: Square that covers all of it.
         height: z to look at first, mm.
     """
 
@@ -31,13 +31,13 @@ class Source:
     height: float
 
 
-def made_up(anatomy: str, generator: np.random.Generator, *, size: int = 512) -> Source:
-    """Make up a patient.
+def procedural_patient(anatomy: str, generator: np.random.Generator, *, size: int = 512) -> Source:
+    """Return a procedural patient.
 
     Args:
         anatomy: One of `ANATOMIES`.
-        generator: Source of the variation between patients.
-        size: Rows and columns of the images that will be made of it.
+        generator: Generator of the variation between patients.
+        size: Rows and columns of the images of it.
 
     Raises:
         ValueError: If there is no such anatomy.
@@ -54,12 +54,12 @@ def from_files(path: Path, *, size: int = 512, noise_hu: float = 0.0) -> Source:
 
     Args:
         path: The folder or file.
-        size: Rows and columns of the images that will be made of it.
+        size: Rows and columns of the images of it.
         noise_hu: Standard deviation of the noise of a CT series, HU, which non-local means removes; 0 keeps it.
 
     Raises:
-        OSError: If it is not there or cannot be read.
-        ValueError: If it is none of these, or not whole, or the noise is negative or that of a phantom.
+        OSError: If it does not exist or cannot be read.
+        ValueError: If it is none of these, or incomplete, or the noise is negative or that of a phantom.
     """
     if path.is_dir() or path.suffix.lower() == ".npz":
         series = read_dicom_series(path) if path.is_dir() else read_volume(path)
