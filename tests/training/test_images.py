@@ -80,7 +80,7 @@ def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth
     pairs = SplitViewPairs(view_subset_images(noisy, grid, 4), seed=0)
     torch.manual_seed(0)
     D = RDNCBAM(RDNSize(features=8, growth=8, blocks=1, convolutions=2))
-    options = {"epochs": 1, "pairs_per_epoch": 360, "batch": 4, "at_once": 4, "learning_rate": 3e-3}
+    options = {"epochs": 1, "pairs_per_epoch": 360, "batch": 4, "micro_batch": 4, "learning_rate": 3e-3}
     list(train(D, pairs, stage="single-scan", loss=mean_squared_error, **options))
     image = FBPImages()(noisy, grid)
     with torch.no_grad():

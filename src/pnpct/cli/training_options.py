@@ -11,38 +11,38 @@ from pnpct.training import METHODS, Form, ReferenceName, SingleScan, Supervised,
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingOptions:
-    """The method and its options; None where an option was not given that has no effect on some methods.
+    """The method and its options; None where not given, for options that have no effect on some methods.
 
     Args:
-        method: two-stage begins with noise to noise and ends with dose pairs; supervised has dose pairs alone;
-            single-scan sets parts of the views of one scan against each other.
-        epochs: Epochs of noise to noise, or of the only stage.
-        pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
-        batch: Pairs of one step.
-        side: Rows and columns of squares that are cut out; whole images if it is not given.
-        learning_rate: Of Adam, in the first epoch.
+        method: two-stage is Noise2Noise, then fine-tuning on dose pairs; supervised has dose pairs alone; single-scan
+            is Noise2Inverse between subsets of the views of one scan.
+        epochs: Epochs of Noise2Noise, or of the only stage.
+        pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
+        batch: Batch size, pairs per optimizer step.
+        side: Rows and columns of the patches; whole images if not given.
+        learning_rate: Learning rate of Adam in the first epoch.
         decay: Factor of the learning rate after each epoch.
-        at_once: Pairs that go through the network together: quicker, but all their memory at once.
-        bfloat16: Compute in bfloat16 where that is exact enough.
-        seed: Of the weights and of all pairs.
-        parts: Parts that the views are dealt out to, for single-scan; each of at least 30 views.
-        also: Further data sets whose patients are learnt from.
-        loop_denoiser: Network that denoises in the loop of ADMM, from which half of the noisy images come; total
-            variation of random strength if none is given.
-        loop_iterations: Most iterations of that loop.
-        loop_images: Images of each loop that are learnt from; more of them take hardly more time.
+        micro_batch: Pairs that pass through the network together; more are faster, but take more memory.
+        bfloat16: Compute in bfloat16 where that is accurate enough.
+        seed: Seed of the weights and of all pairs.
+        parts: Subsets that the views are divided into, for single-scan; each has at least 30 views.
+        also: Further data sets to train on.
+        loop_denoiser: Network in the ADMM loop that half of the noisy images are taken from; total variation of random
+            strength if not given.
+        loop_iterations: Maximum number of iterations of that loop.
+        loop_images: Images taken from each loop; more cost little time.
         fine_tuning_epochs: Epochs of the second stage, for two-stage.
-        losses: Loss of the second stage: corrected, or as the paper prints it, which cannot reach its goal.
+        losses: Loss of the second stage: corrected, or as printed in the paper, which cannot reach its goal.
         texture_weight: Weight of the texture term in that loss, (HU / 1000)².
         contrast_weight: Weight of its contrast term, (HU / 1000)².
-        examples: Slices that are scanned and reconstructed, before they come again with other changes.
-        cache: Folder that their images are cached in, for this and other trainings; each of 512 x 512 pixels takes
-            5 MB, and 2 MB for each further image of its loop.
+        examples: Slices that are scanned and reconstructed, before they are repeated with other augmentations.
+        cache: Folder where their images are cached, for this and other trainings; each of 512 x 512 pixels takes 5 MB,
+            and 2 MB for each further image of its loop.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
-        reference: What dose pairs learn towards: FBP images of scans at this tube current, mA; noise-free, which is
-            what each image would be without its noise, just as blurred; or truth, what was scanned.
-        discount: Power of the noise by which noisy pairs count less, 0 to 4: 0 counts all alike, 2 much less.
+        reference: Target of the dose pairs: FBP images of reference scans at this tube current, mA; noise-free, each
+            image as it would be without noise, equally blurred; or truth, the phantom itself.
+        discount: Power of the noise that noisy pairs are down-weighted by, 0 to 4; 0 weighs all pairs alike.
     """
 
     method: Literal["two-stage", "supervised", "single-scan"] = "two-stage"
@@ -52,7 +52,7 @@ class TrainingOptions:
     side: int | None = None
     learning_rate: float = TwoStage.learning_rate
     decay: float = TwoStage.decay
-    at_once: Annotated[int | None, option(default="1 for whole images, else all of a batch")] = None
+    micro_batch: Annotated[int | None, option(default="1 for whole images, else all of a batch")] = None
     bfloat16: bool = TwoStage.bfloat16
     seed: int = TwoStage.seed
     parts: Annotated[int | None, option(default=SingleScan.parts)] = None
@@ -75,7 +75,7 @@ class TrainingOptions:
         """Return the method with the options that were given.
 
         Raises:
-            ValueError: If one of them has no effect on it.
+            ValueError: If an option has no effect on it.
         """
         given = given_options(self, [field.name for field in fields(TrainingOptions) if field.name != "method"])
         check_effect(given, self.method, {name: {f.name for f in fields(of)} for name, of in METHODS.items()})

@@ -73,7 +73,7 @@ class Schedule:
         side: Rows and columns of squares that are cut out; None takes whole images.
         learning_rate: Of Adam, in the first epoch.
         decay: Factor of the learning rate after each epoch, 0 to 1.
-        at_once: Pairs that go through the network together; None takes one whole image, or all squares of a batch.
+        micro_batch: Pairs that go through the network together; None takes one whole image, or all squares of a batch.
         bfloat16: Whether networks compute in bfloat16 where that is exact enough.
         seed: Of all pairs and examples.
     """
@@ -84,22 +84,22 @@ class Schedule:
     side: int | None = None
     learning_rate: float = LEARNING_RATE
     decay: float = DECAY
-    at_once: int | None = None
+    micro_batch: int | None = None
     bfloat16: bool = False
     seed: int = 0
 
     def settings(self) -> dict[str, Any]:
         """Return all options that the weights depend on, beyond rounding, as plain values."""
         settings = asdict(self)
-        del settings["at_once"]
+        del settings["micro_batch"]
         return settings
 
     def _steps(self) -> dict[str, Any]:
         """The options of `train`."""
         names = ("pairs_per_epoch", "batch", "learning_rate", "decay", "bfloat16")
         # Squares are small; whole images fill the memory one by one.
-        at_once = (1 if self.side is None else self.batch) if self.at_once is None else self.at_once
-        return {**{name: getattr(self, name) for name in names}, "at_once": at_once}
+        micro_batch = (1 if self.side is None else self.batch) if self.micro_batch is None else self.micro_batch
+        return {**{name: getattr(self, name) for name in names}, "micro_batch": micro_batch}
 
 
 @dataclass(frozen=True, kw_only=True)

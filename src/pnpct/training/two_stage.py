@@ -84,7 +84,7 @@ def train(
     epochs: int,
     pairs_per_epoch: int,
     batch: int = BATCH,
-    at_once: int = 1,
+    micro_batch: int = 1,
     learning_rate: float = LEARNING_RATE,
     decay: float = DECAY,
     bfloat16: bool = False,
@@ -102,7 +102,7 @@ def train(
         epochs: Epochs in all, those before `after` included.
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
         batch: Pairs of one step of the optimizer, shared out evenly among processes.
-        at_once: Pairs that go through the network together, at least 1: quicker, but all their memory at once.
+        micro_batch: Pairs that pass through the network together, at least 1; more are faster, but take more memory.
         learning_rate: Of Adam, in the first epoch.
         decay: Factor of the learning rate after each epoch, 0 to 1.
         bfloat16: Whether the network computes in bfloat16 where that is exact enough.
@@ -112,8 +112,8 @@ def train(
         ValueError: If a number is out of its range, the epoch is of another stage, or the loss diverges.
     """
     rank, world = (distributed.get_rank(), distributed.get_world_size()) if distributed.is_initialized() else (0, 1)
-    if min(epochs, pairs_per_epoch, batch, at_once) < 1:
-        sizes = f"{epochs} epochs of {pairs_per_epoch} pairs, {batch} in a batch and {at_once} at once"
+    if min(epochs, pairs_per_epoch, batch, micro_batch) < 1:
+        sizes = f"{epochs} epochs of {pairs_per_epoch} pairs, {batch} in a batch and {micro_batch} in a micro-batch"
         raise ValueError(f"Training cannot have {sizes}; each is at least 1.")
     if pairs_per_epoch % batch or batch % world:
         raise ValueError(f"{pairs_per_epoch} pairs cannot be split into batches of {batch}, or a batch by {world}.")
@@ -133,8 +133,8 @@ def train(
         for first in range(number * pairs_per_epoch, (number + 1) * pairs_per_epoch, batch):
             optimizer.zero_grad()
             mine = range(first + rank, first + batch, world)
-            for part in range(0, len(mine), at_once):
-                drawn = [pairs(each) for each in mine[part : part + at_once]]
+            for part in range(0, len(mine), micro_batch):
+                drawn = [pairs(each) for each in mine[part : part + micro_batch]]
                 of_part = pairwise_losses(D, drawn, loss, bfloat16=bfloat16)
                 (of_part.sum() / batch).backward()
                 total += of_part.detach().double().sum()
