@@ -149,4 +149,4 @@ def test_running_out_of_memory_gets_one_line(run, monkeypatch):
         monkeypatch.setattr("pnpct.cli.app.parse", fail)
         status, _, err = run("info", "file.h5")
         assert status == 2
-        assert err == "pnpct: the memory does not suffice; ask for fewer pixels, or use a larger machine.\n"
+        assert err == "pnpct: out of memory; use fewer pixels or a larger machine.\n"

@@ -1,4 +1,4 @@
-"""The program `pnpct`: finds the command, and turns what goes wrong into one line."""
+"""The program `pnpct`: finds the command, and turns an error into one line."""
 
 import difflib
 import os
@@ -12,20 +12,20 @@ from pnpct.cli.terminal import complain, say
 
 COMMANDS = {
     "simulate scan": "Simulate a scan of one slice.",
-    "simulate dataset": "Simulate a data set: many patients, without noise.",
-    "simulate draw": "Draw a scan from a slice of a data set.",
-    "import arrays": "Make a scan of counts or line integrals in numpy files.",
-    "import catsim": "Make a scan of the raw files of CatSim.",
+    "simulate dataset": "Simulate a data set of many patients, without noise.",
+    "simulate draw": "Draw a noisy scan from a slice of a data set.",
+    "import arrays": "Make a scan from NumPy files of counts or line integrals.",
+    "import catsim": "Make a scan from the raw files of CatSim.",
     "train": "Train a denoiser on a data set, in the two stages of the paper, or on one scan.",
     "reconstruct": "Reconstruct the image of a scan.",
     "denoise": "Denoise an image.",
     "evaluate": "Compare an image with the truth.",
     "report": "Show a comparison as one HTML page, and its images as panels.",
     "compare": "Compare the methods of the paper on the same scans, and report on them.",
-    "info": "Say what is in a file.",
+    "info": "Describe a file.",
     "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
 }
-"""The commands, each in the module of its name with _ for spaces, which is imported only when it is asked for."""
+"""The commands, each in the module of its name with _ for spaces, which is imported only when it is needed."""
 
 _OUT_OF_MEMORY = ("out of memory", "can't allocate memory", "Storage size calculation overflowed")
 
@@ -34,11 +34,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the program.
 
     Args:
-        argv: The words after the program's name; those of this process if None.
+        argv: The arguments after the program's name; those of this process if None.
 
     Returns:
-        The exit status: 0, 2 after a mistake that one line on stderr has explained, 130 after Ctrl-C. An
-        exception that comes out of here is a bug.
+        The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C. An
+        exception that is raised from here is a bug.
     """
     try:
         run(list(sys.argv[1:] if argv is None else argv))
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         complain("interrupted.")
         return 130
     except BrokenPipeError:
-        _give_up_stdout()  # whoever reads our lines has read enough
+        _give_up_stdout()  # the reader of stdout has closed it
     except SystemExit as leave:
         return int(leave.code or 0)  # tyro has shown its help
     except (ModuleNotFoundError, OSError, ValueError) as error:
@@ -57,16 +57,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and not any(words in str(error) for words in _OUT_OF_MEMORY):
             raise
-        complain("the memory does not suffice; ask for fewer pixels, or use a larger machine.")
+        complain("out of memory; use fewer pixels or a larger machine.")
         return 2
     return 0
 
 
 def run(words: Sequence[str]) -> None:
-    """Run one command, or show what there is, as `main` does; what goes wrong is an exception.
+    """Run one command, or list the commands, as `main` does; errors are raised.
 
     Args:
-        words: The words after the program's name.
+        words: The arguments after the program's name.
     """
     first = words[0] if words else "--help"
     if first in ("-h", "--help"):
@@ -83,7 +83,7 @@ def run(words: Sequence[str]) -> None:
 
 
 def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
-    """The command at the beginning of the words, and the words after it."""
+    """The command that the arguments begin with, and the other arguments."""
     for length in (1, 2):
         if (command := " ".join(words[:length])) in COMMANDS:
             return command, words[length:]
@@ -94,7 +94,7 @@ def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
 
 
 def _group(word: str) -> list[str]:
-    """The commands of two words that begin with this one."""
+    """The commands of the group of this name."""
     return [command for command in COMMANDS if command.startswith(f"{word} ")]
 
 
@@ -108,7 +108,7 @@ def _overview(commands: Sequence[str] | dict[str, str]) -> str:
             "",
             *lines,
             "",
-            "pnpct COMMAND --help says more; pnpct --version says which version this is.",
+            "pnpct COMMAND --help explains a command; pnpct --version prints the version.",
         ]
     )
 

@@ -21,10 +21,10 @@ class _WritableError(Exception):
 
 
 def check_output(path: Path, suffixes: Sequence[str], *, inputs: Sequence[Path] = ()) -> None:
-    """Find out before the work, not after it, that an artefact could not be written.
+    """Find out before the work, not after it, whether an artefact can be written.
 
     Args:
-        path: Where it shall be, with its sidecar <path>.json beside it.
+        path: Its path; its sidecar is <path>.json.
         suffixes: The endings that its name may have.
         inputs: Files that it must not replace.
 
@@ -33,7 +33,7 @@ def check_output(path: Path, suffixes: Sequence[str], *, inputs: Sequence[Path] 
         OSError: If the file or its sidecar cannot be written.
     """
     if not path.name.lower().endswith(tuple(suffixes)):
-        raise ValueError(f"{path}: the name of what is written must end in {', '.join(suffixes)}.")
+        raise ValueError(f"{path}: the name of the output must end in {', '.join(suffixes)}.")
     sidecar = path.with_name(path.name + ".json")
     for target in (path, sidecar):
         for source in inputs:
@@ -44,7 +44,7 @@ def check_output(path: Path, suffixes: Sequence[str], *, inputs: Sequence[Path] 
 
 
 def finish(path: Path, provenance: Provenance, *, summary: str) -> None:
-    """Put the sidecar beside an artefact that has just been written, and say where it is.
+    """Write the sidecar of an artefact that has just been written, and print where it is.
 
     Raises:
         OSError: If the sidecar cannot be written.
@@ -56,7 +56,7 @@ def finish(path: Path, provenance: Provenance, *, summary: str) -> None:
 def finish_scan(
     path: Path, scan: Scan, *, provenance: Provenance, truth: tuple[Image, ImageGrid] | None = None
 ) -> None:
-    """Write a scan and its sidecar, and say where it is.
+    """Write a scan and its sidecar, and print where it is.
 
     Raises:
         OSError: If a file cannot be written.

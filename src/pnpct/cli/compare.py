@@ -27,24 +27,24 @@ from pnpct.comparison import (
 from pnpct.files import record_run
 
 CURRENTS_MA, VOLTAGE_KVP = (40.0, 70.0, 100.0), 120.0
-"""Of scans that are drawn, and of phantoms, where nothing else is asked for."""
+"""Defaults for scans that are drawn, and for phantoms."""
 
 
 @dataclass(frozen=True)
 class Compare(Plan):
     """Compare the methods of the paper, total variation and blurred FBP on the same scans.
 
-    The folder gets all images, metrics.json, metrics.csv, report.html, and panel.png and .svg. Interrupted and
+    The folder gets all images, metrics.json, metrics.csv, report.html, and panel.png and .svg. If it is interrupted and
     started again, it continues.
 
     Args:
-        folder: Where everything shall be; it is made.
+        folder: Output folder; it is created.
         scans: Scans, or slices of a data set (exposures) that scans are drawn from.
-        tube_currents_ma: Of the scans that are drawn, and at which inserts are looked for besides 20, 200 and 400, mA.
+        tube_currents_ma: Of the scans that are drawn, mA; detectability is measured at these and at 20, 200 and 400.
         tube_voltage_kvp: Of the scans that are drawn and of the phantoms, kVp.
-        phantom_repeats: Scans of the phantoms for noise power and sharpness, at least 2; 0 leaves these out.
-        detectability_pairs: Scans with and without inserts at each dose of a phantom, at least 40; 0 leaves it out.
-        processes: Cases, and then methods on phantoms, that are worked on at the same time.
+        phantom_repeats: Phantom scans for noise power (NPS) and resolution (TTF), at least 2; 0 omits these.
+        detectability_pairs: Phantom scans with and without inserts at each dose level, at least 40; 0 omits them.
+        processes: Cases, and then methods on phantoms, that run in parallel.
     """
 
     folder: Positional[Path]
@@ -55,7 +55,7 @@ class Compare(Plan):
     tube_voltage_kvp: Annotated[float | None, option(default=VOLTAGE_KVP)] = None
     phantom_repeats: int = PhantomTests.repeats
     detectability_pairs: int = PhantomTests.pairs
-    processes: Annotated[int | None, option(default="one for each processor")] = None
+    processes: Annotated[int | None, option(default="one per processor")] = None
 
     def run(self, command: Sequence[str]) -> None:
         """Compare, measure, and write the report."""
@@ -86,4 +86,4 @@ class Compare(Plan):
         options = {"--tube-currents-ma": self.tube_currents_ma, "--tube-voltage-kvp": self.tube_voltage_kvp}
         given = [name for name, value in options.items() if value is not None]
         if given and subjects and all(subject.tube_current_ma is None for subject in subjects):
-            raise ValueError(f"All scans are measured, and none is drawn: leave out {' and '.join(given)}.")
+            raise ValueError(f"All of these are scans, so none is drawn: leave out {' and '.join(given)}.")

@@ -15,14 +15,14 @@ WINDOW = (30.0, 400.0)
 
 
 def compare(scan: Path, files: Mapping[str, Path], *, numbers: Path, picture: Path, provenance: Provenance) -> None:
-    """Evaluate images, show the numbers and write them, and draw some images beside the truth.
+    """Evaluate images, print and write the numbers, and draw some images beside the truth.
 
     Args:
         scan: The scan with the truth inside.
-        files: The images by name. Of those whose names begin with fbp only the best is drawn.
-        numbers: Where the numbers shall be, .json.
-        picture: Where the picture shall be, .png.
-        provenance: How all this is made.
+        files: The images by name. Of those with names that begin with fbp only the best is drawn.
+        numbers: File for the numbers, .json.
+        picture: File for the picture, .png.
+        provenance: How all this was made.
 
     Raises:
         OSError: If a file cannot be read or written.

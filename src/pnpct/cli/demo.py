@@ -1,4 +1,4 @@
-"""`pnpct demo`: what the other commands do, one after the other."""
+"""`pnpct demo`: the other commands in turn."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ METHODS = {
 class Demo:
     """Simulate, reconstruct and evaluate one low-dose slice, in minutes.
 
-    A chest is reconstructed by filtered back-projection with two kernels, by least squares with total variation, and by
-    plug-and-play ADMM with the network that was trained in two stages. comparison.png shows the truth, the better of
-    the first two, and the others.
+    A chest is reconstructed by filtered back-projection with two kernels, by penalised weighted least squares with
+    total variation, and by plug-and-play ADMM with the network that was trained in two stages. comparison.png shows the
+    truth, the better of the two FBP images, and the others.
 
     Args:
-        folder: Where all files shall be; it is made.
+        folder: Output folder; it is created.
         tube_current_ma: Tube current, mA.
         views: Views of the scan.
         size: Rows and columns of the images.

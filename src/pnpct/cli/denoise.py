@@ -19,8 +19,8 @@ class Denoise(DenoiserOptions):
     """Denoise an image, or each slice of a volume.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz; networks that pnpct trains expect FBP with the sharpest kernel.
-        denoised: Where the result shall be: .h5 to go on with, .nii or .nii.gz (HU) for viewers, .png to look at.
+        image: The image, .h5, .nii or .nii.gz; pnpct's networks expect FBP with the sharpest kernel (ram-lak).
+        denoised: Output file: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 

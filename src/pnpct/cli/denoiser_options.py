@@ -15,14 +15,14 @@ _STRENGTHS = ", ".join(f"{name}: {known.usual:g} {known.unit}" for name, known i
 
 @dataclass(frozen=True, kw_only=True)
 class DenoiserOptions:
-    """The denoiser and its options, None where they were not given: only then they may have no effect.
+    """The denoiser and its options; None where not given, since an option that is given must have an effect.
 
     Args:
         denoiser: A network that comes with pnpct, the file of a trained network, or a classical denoiser.
         strength: How much a classical denoiser smooths, each in its own unit.
         noise_level_hu: Standard deviation of the noise, HU, for noise-conditioned networks.
-        passes: How often a network is applied, 1 to 4; more remove more noise, and some fine detail.
-        bfloat16: Let a network compute with fewer digits, about twice as fast on hardware made for it.
+        passes: How often a network is applied, 1 to 4; more passes remove more noise, and some fine detail.
+        bfloat16: Let a network compute in bfloat16, about twice as fast on hardware that supports it.
     """
 
     denoiser: Annotated[str | None, option(default=DEFAULT_DENOISER, metavar=_NAMES)] = None
@@ -36,7 +36,7 @@ class DenoiserOptions:
 
         Raises:
             OSError: If a network cannot be read.
-            ValueError: If there is no such denoiser, or an option has no effect on it or is out of its range.
+            ValueError: If there is no such denoiser, or an option has no effect on it or is out of range.
         """
         return denoiser_with(given_options(self, DENOISER_OPTIONS), device)
 

@@ -1,4 +1,4 @@
-"""Where the computing is done."""
+"""The device to compute on."""
 
 from dataclasses import replace
 from typing import Literal

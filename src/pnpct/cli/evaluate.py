@@ -18,15 +18,15 @@ from pnpct.files import read_image, record_run
 class Evaluate:
     """Compare an image or a volume with the truth.
 
-    Errors are in HU, in all, in the body, in soft tissue, and by ranges of the truth. psnr (dB) and ssim in the body
-    have level and width of their window in their names. Then the scores of ldct-benchmark in its three windows and of
-    LoDoPaB on whole slices, the earth mover's distance of the histograms in the body, and the texture (GLCM) on
-    patches of soft tissue. What the truth has no tissue for has no number.
+    Errors are in HU: over the whole image, the body and soft tissue, and by HU range of the truth. psnr (dB) and ssim
+    in the body have the level and width of their window in their names. The scores of ldct-benchmark in its three
+    windows and of LoDoPaB on whole slices follow, the earth mover's distance between the histograms of the body, and
+    the texture (GLCM) of soft-tissue patches. Tissues that the truth lacks have no number.
 
     Args:
         image: The image, .h5, .nii or .nii.gz.
         truth: The truth, on the same grid: an image, or a scan with its truth inside.
-        numbers: Where the numbers shall be, .json; they are shown in any case.
+        numbers: File for the numbers, .json; they are printed in any case.
     """
 
     image: Positional[Path]
@@ -34,7 +34,7 @@ class Evaluate:
     numbers: Positional[Path | None] = None
 
     def run(self, command: Sequence[str]) -> None:
-        """Compare, show the numbers, and write them."""
+        """Compare, print the numbers, and write them."""
         if self.numbers:
             check_output(self.numbers, NUMBERS, inputs=[self.image, self.truth])
         image, truth = on_one_grid(read_image(self.image), truth_of(self.truth))

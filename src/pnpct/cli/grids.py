@@ -1,4 +1,4 @@
-"""Where the pixels shall be."""
+"""The grid of the image."""
 
 import math
 from pathlib import Path
@@ -13,10 +13,10 @@ def square_grid(size: int, field_of_view: float, *, center: tuple[float, float] 
     Args:
         size: Rows and columns, at least 1.
         field_of_view: Side of the square, mm, > 0.
-        center: Its middle, mm.
+        center: Its centre, mm.
 
     Raises:
-        ValueError: If a number is out of its range.
+        ValueError: If a number is out of range.
     """
     if size < 1:
         raise ValueError(f"The size of an image must be at least one pixel, got {size}.")
@@ -28,8 +28,8 @@ def square_grid(size: int, field_of_view: float, *, center: tuple[float, float] 
 def grid_for(scan: Path, geometry: Geometry, *, size: int | None, field_of_view: float | None) -> ImageGrid:
     """Return the grid for a reconstruction.
 
-    Where a number is not given it is that of the truth in the scan, if there is one; else the grid has 512 rows and
-    columns over the circle that the fan sees.
+    What is not given is that of the truth in the scan, if there is one; otherwise the grid has 512 rows and columns
+    over the field of view of the fan.
 
     Args:
         scan: File of the scan.
@@ -39,7 +39,7 @@ def grid_for(scan: Path, geometry: Geometry, *, size: int | None, field_of_view:
 
     Raises:
         OSError: If the scan cannot be read.
-        ValueError: If a number is out of its range, or the truth in the scan is not whole.
+        ValueError: If a number is out of range, or the truth in the scan is incomplete.
     """
     known = read_truth(scan)
     usual = require_image_grid(known[1]) if known else require_fan_beam(geometry).grid()

@@ -1,4 +1,4 @@
-"""`pnpct import arrays`: from arrays of numpy and a geometry to a scan."""
+"""`pnpct import arrays`: from NumPy arrays and a geometry to a scan."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ from pnpct.units import MU_WATER_70_KEV
 
 @dataclass(frozen=True)
 class ImportArrays:
-    """Make a scan of counts or line integrals in numpy files, and of a geometry in JSON.
+    """Make a scan from NumPy files of counts or line integrals, and a geometry in JSON.
 
-    One array of several in a file is named as in scan.npz:counts. pnpct.files.geometry_json has the geometry's keys.
+    Name one of several arrays in a file as in scan.npz:counts. pnpct.files.geometry_json lists the geometry's keys.
 
     Args:
         array: Counts or line integrals, views x bins, .npy or .npz.
         geometry: The geometry, .json.
-        scan: Where the scan shall be, .h5.
-        incident: Counts expected without an object: a number, or a file with one for each bin, view or ray.
+        scan: File for the scan, .h5.
+        incident: Counts expected without an object (air): a number, or a file with one for each bin, view or ray.
         kind: What the array holds; line integrals are -ln(counts/incident).
         electronic_noise: Standard deviation of the electronic noise of a count, quanta.
-        mu_water: Attenuation of water at the effective energy, 1/mm; the default is that at 70 keV.
-        beam_hardening: Coefficients of the correction, bins x powers, the highest power first.
-        signal_per_quantum: What one quantum adds to counts and incident; 1 if these are quanta.
+        mu_water: Attenuation of water at the effective energy, 1/mm; the default is its value at 70 keV.
+        beam_hardening: File of the correction's coefficients, bins x powers, highest power first.
+        signal_per_quantum: Signal of one quantum, in the unit of counts and incident; 1 if these are quanta.
     """
 
     array: Positional[Path]

@@ -15,18 +15,18 @@ from pnpct.units import MU_WATER_70_KEV
 
 @dataclass(frozen=True)
 class ImportCatsim:
-    """Make a scan of the raw files of CatSim: an axial scan, one detector row of it.
+    """Make a scan from the raw files of CatSim: one detector row of an axial scan.
 
     Args:
-        prefix: Path of the raw files without .scan, .prep, .air and .offset.
-        scan: Where the scan shall be, .h5.
+        prefix: Path of the raw files without .scan, .prep, .air or .offset.
+        scan: File for the scan, .h5.
         configuration: CatSim's configuration files, later ones overriding earlier ones; or one JSON file with its keys.
         signal: raw takes .scan, .air and .offset; prep takes .prep, in which CatSim has corrected low signals.
-        detector_row: Number of the row, from 0.
+        detector_row: Index of the row, from 0.
         kev_per_quantum: Energy that counts as one quantum, keV.
         incident: Quanta per ray without an object.
-        mu_water: Attenuation of water at the effective energy, 1/mm; the default is that at 70 keV.
-        beam_hardening: File of numpy with the coefficients of the correction, columns x powers, highest power first.
+        mu_water: Attenuation of water at the effective energy, 1/mm; the default is its value at 70 keV.
+        beam_hardening: NumPy file of the correction's coefficients, columns x powers, highest power first.
     """
 
     prefix: Positional[Path]

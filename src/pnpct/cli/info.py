@@ -13,7 +13,7 @@ from pnpct.files import describe_file
 
 @dataclass(frozen=True)
 class Info:
-    """Say what is in a scan or an image of pnpct, and how it was made.
+    """Describe a scan or an image of pnpct: its content, and how it was made.
 
     Args:
         file: The file, .h5.
@@ -21,7 +21,7 @@ class Info:
 
     file: Positional[Path]
 
-    def run(self, command: Sequence[str]) -> None:  # noqa: ARG002 - nothing is written that could name it
+    def run(self, command: Sequence[str]) -> None:  # noqa: ARG002 - no file is written that would record it
         """Describe the file."""
         content = describe_file(self.file)
         say(f"{self.file}: {content['format']}, version {content['format_version']}")

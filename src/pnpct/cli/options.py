@@ -26,33 +26,33 @@ from pnpct.reconstruction.pnp_admm import BETA
 
 @dataclass(frozen=True, kw_only=True)
 class MethodOptions(DenoiserOptions):
-    """The method and its options, None where they were not given: only then they may have no effect.
+    """The method and its options; None where not given, since an option that is given must have an effect.
 
     Args:
         method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation,
             whose --strength is in HU × pixel.
-        kernel: Kernel of fbp, from sharp to smooth.
-        beta: Penalty of pnp and tv, relative to the mean diagonal of the normal equations.
-        sigma_v: The penalty of pnp in HU, instead of beta: how well the denoised image is known.
-        damping: Share of the dual variable that pnp forgets in each iteration; the paper's ADMM has 0.
-        iterations: Most iterations of pnp and tv.
+        kernel: Reconstruction kernel of fbp, from sharp to smooth.
+        beta: Penalty parameter of pnp and tv, relative to the mean diagonal of the normal equations.
+        sigma_v: The penalty of pnp in HU, instead of beta: standard deviation that the denoised image is trusted to.
+        damping: Fraction of the dual variable that pnp drops in each iteration; the paper's ADMM has 0.
+        iterations: Maximum number of iterations of pnp and tv.
         solver: Solver of the data step of pnp.
-        inner_iterations: Least steps of the solver in each iteration of pnp; it takes more while its residual is large.
-        stop: Rule that ends pnp and tv before: relative at convergence, where x and v agree, as they do not around
-            the networks that come with pnpct; paper after a few iterations.
-        result: What the image of pnp is, the last of the denoised iterates or the mean of them all.
+        inner_iterations: Minimum steps of the solver per iteration of pnp; it takes more while its residual is large.
+        stop: Stopping rule of pnp and tv: relative stops at convergence, where x and v agree, which they do not with
+            the networks that come with pnpct; paper stops after a few iterations.
+        result: Image that pnp returns: the last denoised iterate, or the mean of all of them.
     """
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"
     kernel: Annotated[Kernel | None, option(default=FBP.kernel)] = None
     beta: Annotated[float | None, option(default=BETA)] = None
     sigma_v: float | None = None
-    damping: Annotated[float | None, option(default=f"{DAMPING} around networks, else 0")] = None
+    damping: Annotated[float | None, option(default=f"{DAMPING} with networks, else 0")] = None
     iterations: Annotated[int | None, option(default=PlugAndPlay.iterations)] = None
     solver: Annotated[SolverName | None, option(default=PlugAndPlay.solver)] = None
     inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None
     stop: Annotated[RuleName | None, option(default=TVPWLS.stop)] = None
-    result: Annotated[ResultName | None, option(default="mean around networks, else last")] = None
+    result: Annotated[ResultName | None, option(default="mean with networks, else last")] = None
 
     def chosen_method(self, device: torch.device) -> Method:
         """Return the method with the options that were given.
@@ -62,7 +62,7 @@ class MethodOptions(DenoiserOptions):
 
         Raises:
             OSError: If a network cannot be read.
-            ValueError: If an option has no effect on the method, or is out of its range.
+            ValueError: If an option has no effect on the method, or is out of range.
         """
         known = {name: {field.name for field in fields(method)} for name, method in METHODS.items()}
         known["pnp"] |= {*DENOISER_OPTIONS}
@@ -75,7 +75,7 @@ class MethodOptions(DenoiserOptions):
 
 
 def check_effect(options: Iterable[str], name: str, known: Mapping[str, Collection[str]]) -> None:
-    """Check that the options which were given are those of a method.
+    """Check that the given options are those of a method.
 
     Args:
         options: Names of the options.

@@ -1,4 +1,4 @@
-"""From words to a command, by its annotations and its docstring."""
+"""From arguments to a command, by its annotations and its docstring."""
 
 import io
 import re
@@ -12,14 +12,14 @@ Command = TypeVar("Command")
 
 
 class UsageError(ValueError):
-    """The words on the command line are not what was needed."""
+    """The command line is not valid."""
 
 
 def option(*, default: object = None, metavar: str | None = None) -> Any:
     """Annotate an option.
 
     Args:
-        default: What the help shows as the default of an option that is None when it is not given.
+        default: Default that the help shows for an option that is None when it is not given.
         metavar: What the help shows for its value.
     """
     hint = None if default is None else f"(default: {default})"
@@ -33,16 +33,16 @@ def given_options(command: object, names: Iterable[str]) -> dict[str, Any]:
 
 
 def parse(command: type[Command], words: Sequence[str], *, program: str) -> Command:
-    """Make a command from the words that follow its name.
+    """Make a command from the arguments that follow its name.
 
     Args:
-        command: A dataclass whose docstring says what its fields mean.
-        words: The words.
-        program: The words before them.
+        command: A dataclass with a docstring that explains its fields.
+        words: The arguments.
+        program: The program and command before them.
 
     Raises:
-        UsageError: If a word is unknown, missing or impossible.
-        SystemExit: After the help was asked for and shown.
+        UsageError: If an argument is unknown, missing or invalid.
+        SystemExit: After the help was shown.
     """
     complaint = io.StringIO()
     markers = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)

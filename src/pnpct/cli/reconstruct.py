@@ -18,7 +18,7 @@ from pnpct.operators import Projector
 from pnpct.physics import take_log
 from pnpct.reconstruction import ADMMState
 
-_OF_TRUTH = "that of the truth in the scan; if there is none,"
+_OF_TRUTH = "that of the truth in the scan; without one,"
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,16 @@ class Reconstruct(MethodOptions):
 
     Args:
         scan: The scan, .h5.
-        image: Where the image shall be: .h5 to go on with, .nii or .nii.gz (HU) for viewers, .png to look at.
+        image: Output file: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at.
         size: Rows and columns of the image.
-        field_of_view: Side of the image, mm.
+        field_of_view: Width of the image, mm.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
     scan: Positional[Path]
     image: Positional[Path]
     size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
-    field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan sees")] = None
+    field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan covers")] = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:

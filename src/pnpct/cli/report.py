@@ -15,15 +15,15 @@ from pnpct.report import panel_rows, write_panels, write_report
 
 @dataclass(frozen=True)
 class Report:
-    """Show a comparison as one HTML page that needs no network.
+    """Show a comparison as one HTML page that works offline.
 
-    The page holds the images, all numbers and the verdicts of all checks. Beside it panel.png and panel.svg show
+    The page has the images, all numbers and the results of all checks. Beside it panel.png and panel.svg show
     the images for a paper.
 
     Args:
         folder: Folder of the comparison, with metrics.json and the images.
-        report: Where the page shall be, .html; report.html in the folder if not given.
-        level: Level of the window in which images are shown at first, HU.
+        report: File for the page, .html; report.html in the folder if not given.
+        level: Level of the window in which images are first shown, HU.
         width: Width of that window, HU.
     """
 

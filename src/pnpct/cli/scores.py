@@ -1,4 +1,4 @@
-"""What `evaluate` has measured, as a table and as a file."""
+"""The results of `evaluate`, as a table and as a file."""
 
 import json
 import math
@@ -26,7 +26,7 @@ def say_scores(columns: Mapping[str, Mapping[str, float | None]]) -> None:
     for metric in next(iter(columns.values())):
         table.add_row(metric, *(_shown(values[metric]) for values in columns.values()))
     console = Console()
-    with console.capture() as written:  # rich itself would end the program when nobody reads on
+    with console.capture() as written:  # rich itself would end the program when stdout is closed
         console.print(table)
     say(written.get().rstrip())
 

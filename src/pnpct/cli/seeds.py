@@ -1,11 +1,11 @@
-"""From `--seed` to generators of random numbers."""
+"""From `--seed` to random number generators."""
 
 import numpy as np
 import torch
 
 
 def generators(seed: int) -> tuple[np.random.Generator, torch.Generator]:
-    """Return a generator of numpy and one of PyTorch, for different uses.
+    """Return a NumPy and a PyTorch generator, for different uses.
 
     Raises:
         ValueError: If the seed is not from 0 to 2^63 - 1.
@@ -15,7 +15,7 @@ def generators(seed: int) -> tuple[np.random.Generator, torch.Generator]:
 
 
 def check_seed(seed: int) -> None:
-    """Check that a number can be a seed.
+    """Check that a number is a valid seed.
 
     Raises:
         ValueError: If it is not from 0 to 2^63 - 1.

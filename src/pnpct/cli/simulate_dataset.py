@@ -1,4 +1,4 @@
-"""`pnpct simulate dataset`: from a seed to the scans that a denoiser learns from."""
+"""`pnpct simulate dataset`: from a seed to the scans that a denoiser is trained on."""
 
 import os
 from collections.abc import Sequence
@@ -17,28 +17,28 @@ from pnpct.simulation import ANATOMIES, Recipe, Simulator, plan, simulate_datase
 
 @dataclass(frozen=True)
 class SimulateDataset:
-    """Simulate a data set: many patients, each slice without noise and at several tube voltages.
+    """Simulate a data set of many patients, each slice without noise and at several tube voltages.
 
-    Scans of any tube current are drawn from it later, by training or by `pnpct simulate draw`. Patients are shared out
-    among train, validation and test. Interrupted and started again, it continues.
+    Noisy scans at any tube current are drawn from it later, by training or by `pnpct simulate draw`. Patients are split
+    into train, validation and test. If it is interrupted and started again, it continues.
 
     Args:
-        folder: Where the data set shall be; it is made.
-        anatomy: Parts of the body of the patients who are made up, with commas between them.
-        cases: How many patients are made up.
+        folder: Output folder; it is created.
+        anatomy: Body regions of the procedural patients, separated by commas.
+        cases: Number of procedural patients.
         body: Further patients: folders with a DICOM CT series, volumes of HU (.npz), XCIST phantoms (.json, .zip).
-        noise_hu: Standard deviation of the noise that is removed from CT series, HU.
-        stations: Axial scans of each patient, spread over the height.
+        noise_hu: Standard deviation of the noise to remove from CT series, HU.
+        stations: Axial scans of each patient, spread over its length.
         rows: Detector rows; each gives a slice, 0.625 mm from the next.
         tube_voltages_kvp: Peak tube voltages of each scan, 70 to 140 kVp.
-        simulator: Our own, or CatSim where gecatsim is installed.
-        views: Views in a turn.
-        bins: Cells that share the detector's arc.
-        size: Rows and columns of the truth; what is scanned has pixels of half the size.
-        validation: Share of the patients that is kept for validation.
-        test: Share of the patients that is kept for tests.
-        seed: Seed of all that is drawn.
-        processes: Scans that are made at the same time.
+        simulator: pnpct's own, or CatSim where gecatsim is installed.
+        views: Views per rotation.
+        bins: Detector cells along the arc.
+        size: Rows and columns of the truth; the phantom that is scanned has pixels of half the size.
+        validation: Fraction of the patients that is held out for validation.
+        test: Fraction of the patients that is held out for testing.
+        seed: Seed of everything random.
+        processes: Scans that are simulated in parallel.
     """
 
     folder: Positional[Path]
@@ -56,10 +56,10 @@ class SimulateDataset:
     validation: float = Recipe.validation
     test: float = Recipe.test
     seed: int = Recipe.seed
-    processes: Annotated[int | None, option(default="one for each processor")] = None
+    processes: Annotated[int | None, option(default="one per processor")] = None
 
     def run(self, command: Sequence[str]) -> None:
-        """Simulate what is not there yet."""
+        """Simulate the scans that are missing."""
         recipe = Recipe(
             anatomies=tuple(name.strip() for name in self.anatomy.split(",") if name.strip()),
             bodies=tuple(map(str, self.body)),

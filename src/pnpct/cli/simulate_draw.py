@@ -13,15 +13,15 @@ from pnpct.files import read_exposure, record_run
 
 @dataclass(frozen=True)
 class SimulateDraw:
-    """Draw a scan from a slice of a data set.
+    """Draw a noisy scan from a slice of a data set.
 
-    The slice was simulated without noise; another seed gives another scan of the same patient. The scan keeps the
+    The slice was simulated without noise; another seed gives another scan of the same patient. The scan contains the
     truth.
 
     Args:
         exposures: Slice of a data set, .h5.
-        scan: Where the scan shall be, .h5.
-        tube_current_ma: Tube current, mA, for a rotation of one second.
+        scan: File for the scan, .h5.
+        tube_current_ma: Tube current, mA, at a rotation time of one second.
         tube_voltage_kvp: Tube voltage, one of those of the data set, kVp.
         seed: Seed of the noise.
     """

@@ -1,4 +1,4 @@
-"""What is said: results on stdout, mistakes and progress on stderr."""
+"""Output: results on stdout, errors and progress on stderr."""
 
 import sys
 from collections.abc import Iterable, Iterator
@@ -9,20 +9,20 @@ Item = TypeVar("Item")
 
 
 def say(text: str) -> None:
-    """Write lines to stdout, at once: a log must have them even if the program is killed."""
+    """Write lines to stdout unbuffered: a log must have them even if the program is killed."""
     sys.stdout.write(text + "\n")
     sys.stdout.flush()
 
 
 def complain(text: str) -> None:
-    """Write one line to stderr that begins with the program's name."""
+    """Write one line to stderr, beginning with the program's name."""
     sys.stderr.write(f"pnpct: {' '.join(text.split())}\n")
     sys.stderr.flush()
 
 
 @contextmanager
 def working(on: str) -> Iterator[None]:
-    """Show on a terminal what is being worked on, until the block ends."""
+    """Show on a terminal what is being done, until the block ends."""
     from rich.console import Console
 
     console = Console(stderr=True)

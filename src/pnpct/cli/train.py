@@ -35,17 +35,18 @@ from pnpct.training import (
 class Train(TrainingOptions):
     """Train a denoiser on a data set, in the two stages of the paper or on dose pairs alone, or on a single scan.
 
-    After each epoch the state is kept beside the network, in .training; a run that was killed goes on from there.
-    Several processes that torchrun has started share each batch.
+    After each epoch the state is saved beside the network, in .training; a run that was killed resumes from there.
+    Several processes started by torchrun share each batch.
 
     Args:
-        data: Folder that `pnpct simulate dataset` has made; for the method single-scan, the scan, .h5.
-        network: Where the trained network shall be, .safetensors.
-        size: Size of the paper's network, or red-cnn; that of --begin-with is its own.
-        noise_input: Make a noise-conditioned network; the level is that of an FBP image with the sharpest kernel, HU.
-        begin_with: Network whose weights it begins with, by name or file; those of chance if none is given.
-        licence: Under which the network may be used, to be noted beside it.
-        tensorboard: Folder for TensorBoard, where it is installed.
+        data: Data set of `pnpct simulate dataset` (a folder); for the method single-scan the scan, .h5.
+        network: File for the trained network, .safetensors.
+        size: Size of the paper's network, or red-cnn; --begin-with has a size of its own.
+        noise_input: Make a noise-conditioned network; its input is the noise of FBP with the sharpest kernel (ram-lak),
+            HU.
+        begin_with: Pretrained network to begin with, by name or file; random weights if none is given.
+        licence: Licence of the network, recorded beside it.
+        tensorboard: Folder for TensorBoard logs, where it is installed.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
@@ -59,7 +60,7 @@ class Train(TrainingOptions):
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
-        """Train, or go on with training, and write the network."""
+        """Train, or resume training, and write the network."""
         method, device, state_file = self.chosen_method(), choose_device(self.device), self._checked()
         with joined_processes(device) as rank, training_curves(self.tensorboard if rank == 0 else None) as draw:
             network = self._network().to(device)
@@ -92,7 +93,7 @@ class Train(TrainingOptions):
         check_seed(self.seed)
         if self.begin_with is not None and (self.size is not None or self.noise_input):
             option = "--noise-input" if self.noise_input else "--size"
-            raise ValueError(f"{option} has no effect beside --begin-with, whose network is as it is; leave out one.")
+            raise ValueError(f"{option} has no effect beside --begin-with, which gives the network; leave out one.")
         if self.noise_input and self.size == "red-cnn":
             raise ValueError("--noise-input has no effect on red-cnn, which has no such input; leave it out.")
         if self.network.suffix != SUFFIX:
@@ -101,7 +102,7 @@ class Train(TrainingOptions):
         check_output(self.network, (SUFFIX,), inputs=[self.data, *begun_with])
         state_file = self.network.with_suffix(".training")
         if state_file.is_dir():
-            raise IsADirectoryError(f"{state_file} is a folder, but the state of training is to be written there.")
+            raise IsADirectoryError(f"{state_file} is a folder, but the state of training is written there.")
         return state_file
 
     def _network(self) -> nn.Module:
@@ -111,7 +112,7 @@ class Train(TrainingOptions):
             torch.manual_seed(self.seed)
             size = self.size or "small"
             network = REDCNN() if size == "red-cnn" else RDNCBAM(SIZES[size], noise_input=self.noise_input)
-        network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # quicker on processors
+        network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # faster on CPUs
         return network
 
     def _settings(self) -> dict[str, Any]:

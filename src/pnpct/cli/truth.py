@@ -12,16 +12,16 @@ from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 
 def truth_of(path: Path) -> tuple[Image | Volume, Grid]:
-    """Read the truth and its grid, from an image or a volume or from the inside of a scan.
+    """Read the truth and its grid, from an image, a volume or a scan.
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If it is neither, or a scan without the truth inside.
+        ValueError: If it is none of these, or a scan without its truth.
     """
     if path.suffix.lower() != ".h5" or describe_file(path)["format"] != "pnpct-scan":
         return read_image(path)
     if (truth := read_truth(path)) is None:
-        raise ValueError(f"{path} is a scan without the truth inside; give an image to compare with.")
+        raise ValueError(f"{path} is a scan without its truth; give an image to compare with.")
     return truth
 
 
@@ -35,7 +35,7 @@ def on_one_grid(image: tuple[Tensor, Grid], truth: tuple[Tensor, Grid]) -> tuple
         truth: The truth, likewise.
 
     Raises:
-        ValueError: If the pixels or slices lie elsewhere, by more than a hundredth of their distance.
+        ValueError: If the pixels or slices lie elsewhere, by more than a hundredth of their spacing.
     """
     if not (isinstance(image[1], VolumeGrid) and isinstance(truth[1], VolumeGrid)):
         image, truth = _single_slice_flat(*image), _single_slice_flat(*truth)
