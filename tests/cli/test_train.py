@@ -143,7 +143,7 @@ def test_patients_of_further_data_sets_are_learnt_from_too(
         ("--noise-input --size red-cnn", "--noise-input red-cnn"),
         ("--seed -1", "seed"),
         ("--batch 3", "batches of 3"),
-        ("--batch 2 --at-once 0", "0 at once"),
+        ("--batch 2 --micro-batch 0", "0 in a micro-batch"),
         ("--examples 0", "example 0"),
         ("--discount 5000", "discount 0 to 4 5000"),
         ("--discount nan", "discount 0 to 4 nan"),
@@ -176,7 +176,7 @@ def test_the_defaults_are_those_of_the_method(name: str) -> None:
 
 
 def test_every_option_arrives_in_the_method() -> None:
-    shared = "--epochs 3 --pairs-per-epoch 6 --batch 2 --side 32 --learning-rate 0.5 --decay 0.9 --at-once 1 --seed 7"
+    shared = "--epochs 3 --pairs-per-epoch 6 --batch 2 --side 32 --learning-rate 0.5 --decay 0.9 --micro-batch 1 --seed 7"
     of_all: dict[str, Any] = {"epochs": 3, "pairs_per_epoch": 6, "batch": 2, "side": 32, "learning_rate": 0.5}
     of_all |= {"decay": 0.9, "micro_batch": 1, "seed": 7, "bfloat16": True}
     words = (

@@ -117,7 +117,7 @@ def test_numbers_that_cannot_be_are_refused() -> None:
 
     with pytest.raises(ValueError, match="batches of 3"):
         begin(batch=3)
-    with pytest.raises(ValueError, match="4 in a batch and 0 at once; each is at least 1"):
+    with pytest.raises(ValueError, match="4 in a batch and 0 in a micro-batch; each is at least 1"):
         begin(micro_batch=0)
     with pytest.raises(ValueError, match="Both stages need at least one epoch, got 3 and 0"):
         next(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(3, 0), **OPTIONS))
