@@ -13,8 +13,8 @@ from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
 from pnpct.arrays import Image
-from pnpct.denoisers import TotalVariation
 from pnpct.evaluation import WINDOWS, evaluate
+from pnpct.files import load_denoiser
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import take_log
@@ -24,7 +24,6 @@ from pnpct.units import to_hu
 
 FIELD_OF_VIEW = 400.0  # mm
 TUBE_CURRENT_MA, SEED = 5.0, 5
-STRENGTH = 0.07  # of total variation, in units of the image times pixels
 WIDTH, HEADER = 384, 34  # of a panel in the picture, and of the line with its name
 
 
@@ -38,7 +37,7 @@ def reconstructions(*, size: int, views: int, bins: int) -> dict[str, Image]:
     A = Projector(grid, geometry, mu_water=scan.mu_water)
     return {
         "Filtered back-projection": fbp(sinogram.line_integrals, A, kernel="soft"),
-        "Plug-and-play ADMM": reconstruct(sinogram, A, TotalVariation(STRENGTH)),
+        "Plug-and-play ADMM": reconstruct(sinogram, A, load_denoiser()),
         "Truth": truth(phantom, grid, energy=scanner_beam(geometry).effective_energy),
     }
 
