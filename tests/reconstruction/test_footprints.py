@@ -5,6 +5,7 @@ import torch
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
+from pnpct.reconstruction.factor_kernels import factorise
 from pnpct.reconstruction.footprints import Footprints
 from pnpct.reconstruction.one_step import normal_matrix
 from pnpct.reconstruction.sparse_cholesky import inverse_factor
@@ -54,6 +55,15 @@ def test_a_narrow_factor_is_sparse_and_close(generator):
     assert factor.nnz < 0.1 * matrix.size
     scaled = np.linalg.eigvalsh(factor.T @ matrix @ factor.toarray())
     assert scaled[-1] / scaled[0] < 0.2 * np.linalg.cond(matrix)
+
+
+def test_of_a_matrix_that_is_not_positive_definite_the_diagonal_is_taken():
+    matrices, values = (
+        np.array([4.0, 6.0, 4.0, 4.0, 2.0, 4.0], np.float32),
+        np.full(4, np.nan),
+    )  # [4 6; 6 4], [4 2; 2 4]
+    factorise(matrices, 0.0, np.array([0, 2, 4]), np.array([0, 3, 6]), values, 0, 2)
+    np.testing.assert_allclose(values, [0.5, 0.0, 3**-0.5, -0.5 * 3**-0.5])
 
 
 def test_a_radius_that_reaches_no_neighbour_is_refused():

@@ -74,20 +74,33 @@ def add_view(bins_from, shares, weights, starts, members, blocks, packed, first,
 
 @njit(**_OPTIONS)
 def factorise(packed, beta, starts, blocks, values, first, last):
-    """Solve each column's small system; where rounding made it indefinite, keep the diagonal alone."""
+    """Write each column, M⁻¹ e₁ / √(e₁ᵀ M⁻¹ e₁) of its small matrix M = U D Uᵀ: that is U⁻ᵀ e₁ / √d₁.
+
+    Where rounding made M indefinite, it keeps the diagonal alone. (`np.linalg.solve` would take ten seconds to compile.)
+    """
     for column in range(first, last):
         start, size = starts[column], starts[column + 1] - starts[column]
-        matrix, unit = np.empty((size, size)), np.zeros(size)
+        lower = np.zeros((size, size))  # of M; then D, and Uᵀ below it
         at = blocks[column]
         for a in range(size):
             for b in range(a + 1):
-                matrix[a, b] = matrix[b, a] = packed[at]
+                lower[a, b] = packed[at]
                 at += 1
-            matrix[a, a] += beta
-        unit[0] = 1.0
-        solution = np.linalg.solve(matrix, unit)
-        if solution[0] > 0:
-            values[start : start + size] = solution / np.sqrt(solution[0])
-        else:
-            values[start : start + size] = 0.0
-            values[start] = 1 / np.sqrt(matrix[0, 0])
+            lower[a, a] += beta
+        solution, alone, definite = np.zeros(size), lower[0, 0], True
+        for k in range(size - 1, -1, -1):
+            definite &= lower[k, k] > 0
+            for a in range(k):
+                share = lower[k, a] / lower[k, k]
+                for b in range(a + 1):
+                    lower[a, b] -= share * lower[k, b]
+            for a in range(k):
+                lower[k, a] /= lower[k, k]
+        solution[0] = 1.0
+        if definite:
+            for k in range(1, size):
+                for a in range(k):
+                    solution[k] -= lower[k, a] * solution[a]
+        scale = np.sqrt(lower[0, 0] if definite else alone)
+        for k in range(size):
+            values[start + k] = solution[k] / scale
