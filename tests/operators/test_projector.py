@@ -51,7 +51,7 @@ def inner(a: torch.Tensor, b: torch.Tensor) -> float:
 
 
 @pytest.mark.parametrize("method", ["distance-driven", "joseph"])
-@pytest.mark.parametrize("batch", [(), (1,), (2,), (3, 2)])
+@pytest.mark.parametrize("batch", [(), (3, 2)])
 def test_the_adjoint_has_the_weights_of_the_projector(world, method, batch, generator):
     geometry, grid = world
     A = Projector(grid, geometry, method=method)
@@ -68,8 +68,8 @@ def test_compiled_kernels_equal_plain_torch(world, method, generator):
     geometry, grid = world
     A = Projector(grid, geometry, method=method, mu_water=1.0)
     plain = TorchProjector(A._tables, grid.shape, geometry.views * geometry.bins, torch.device("cpu"))
-    x = torch.rand(3, *grid.shape, generator=generator)
-    y = torch.rand(3, *geometry.shape, generator=generator)
+    x = torch.rand(2, *grid.shape, generator=generator)
+    y = torch.rand(2, *geometry.shape, generator=generator)
     # float32 sums of hundreds of terms, in another order
     torch.testing.assert_close(A(x).flatten(1), plain.project(x), rtol=1e-4, atol=1e-4 * float(A(x).max()))
     torch.testing.assert_close(A.T(y), plain.back_project(y.flatten(1)), rtol=1e-4, atol=1e-5 * float(A.T(y).max()))
