@@ -86,6 +86,25 @@ def test_programs_are_refused(configured, text):
         configured(text)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x = 3\n" + "x = x * x\n" * 45 + "scanner.sid = x",
+        "x = [1, 1]\n" + "x = [x, x]\n" * 30 + "scanner.sid = x",
+        "scanner.sid = " + "[" * 60 + "]" * 60,
+        "scanner.sid = 0x1" + "0" * 400,
+    ],
+)
+def test_values_cannot_grow(configured, text):
+    with pytest.raises(FileFormatError, match=r"mine.cfg, line \d+: scanner.sid must be a plain number here"):
+        configured(text)
+
+
+def test_a_configuration_is_a_small_file(configured):
+    with pytest.raises(FileFormatError, match="far more than a configuration file"):
+        configured("# nothing\n" * 200_000)
+
+
 @pytest.mark.parametrize("terms", [900, 3000, 100_000])
 def test_a_sum_too_long_to_follow_is_not_followed(configured, terms):
     with pytest.raises(FileFormatError, match=r"mine\.cfg"):
@@ -139,6 +158,8 @@ def test_rows_may_have_their_own_gain_and_noise_may_be_off(configured):
         ("protocol.tableSpeed = 40", "protocol.tableSpeed is 40"),
         ("protocol.tiltAngle = 5", "protocol.tiltAngle is 5"),
         ("protocol.rotationDirection = 2", "protocol.rotationDirection must be 1 or -1"),
+        ("protocol.viewCount = 1e18", "at most 1000000 views"),
+        ("scanner.detectorColCount = 1e18", "at most 1000000 bins and rows"),
         ("protocol.viewCount = 2.5", "protocol.viewCount must be a whole number of at least 1, got 2.5"),
         ("protocol.focalspotOffset = [0, 0, 1]", "protocol.focalspotOffset must be [x, y, 0] in mm"),
         (

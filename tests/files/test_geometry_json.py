@@ -129,6 +129,12 @@ def test_the_chest_scan_has_the_fan_angles_that_its_file_says(shared_data):
         ),
         ({"views": None, "view_angles_deg": []}, "at least one view"),
         ({"views": None, "view_angles_deg": [0, "90"]}, "view_angles_deg must be a finite number, got '90'"),
+        ({"views": 100_000_000}, "at most 1000000 views, got 100000000"),
+        ({"views": 10**18}, "at most 1000000 views"),
+        ({"bins": 10**18}, "at most 1000000 bins and rows"),
+        ({"detector": "m" * 100_000}, "detector must be one of arc, flat, got 'mmmmmm"),
+        ({"views": None, "view_angles_rad": "../angles.npy"}, "it names '../angles.npy', which is not in its own"),
+        ({"views": None, "view_angles_rad": "/etc/angles.npy"}, "it names '/etc/angles.npy', which is not in its own"),
         ({"views": 2.5}, "views must be a whole number of at least 1, got 2.5"),
         ({"bins": 0}, "bins must be a whole number of at least 1, got 0"),
         ({"bins": True}, "bins must be a finite number, got True"),
@@ -152,8 +158,14 @@ def test_what_does_not_fit_is_one_sentence_that_names_the_file(tmp_path, change,
     content = {**LENGTHS, "views": 3} | change
     path = tmp_path / "geometry.json"
     path.write_text(json.dumps({key: value for key, value in content.items() if value is not None}))
-    with pytest.raises(FileFormatError, match=f"^{path}: .*{re.escape(message)}"):
+    with pytest.raises(FileFormatError, match=f"^{path}: .*{re.escape(message)}") as raised:
         read_geometry(path)
+    assert len(str(raised.value)) < 700
+
+
+def test_catsim_has_no_more_views_than_any_scan():
+    with pytest.raises(FileFormatError, match="at most 1000000 views"):
+        read_geometry({**CATSIM, "n_views": 1e18})
 
 
 @pytest.mark.parametrize("key", sorted(CATSIM.keys() - {"sid_mm"}))

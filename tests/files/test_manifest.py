@@ -34,6 +34,9 @@ def test_what_is_not_a_manifest_is_refused(tmp_path: Path) -> None:
         json.dumps(whole | {"format": "other"}),
         json.dumps(whole | {"format_version": 2}),
         json.dumps(whole | {"scans": [{"name": "a"}]}),
+        json.dumps(whole | {"scans": [whole["scans"][0] | {"files": {"../secret.h5": "0" * 64}}]}),
+        json.dumps(whole | {"scans": 3}),
+        "[" * 100_000,
     ):
         (tmp_path / MANIFEST).write_text(broken)
         with pytest.raises(FileFormatError, match="manifest"):

@@ -75,7 +75,7 @@ def test_impossible_values_are_refused(change, message):
     ("text", "message"),
     [
         ("{", "written in JSON"),
-        ("[]", "has the keys command, inputs"),
+        ("[]", "a JSON object with named values was needed"),
         ('{"command": []}', "got command"),
     ],
 )

@@ -141,6 +141,9 @@ def test_a_chest_of_xcist_is_read(shared_data):
     [
         ({"rows": None, "z_size": None}, r"body.json: missing keys: rows, z_size\.$"),
         ({"n_materials": 3}, "mat_name must be a list with one entry for each of the 3 materials"),
+        ({"n_materials": 10**18}, "mat_name must be a list with one entry for each of the 1000000000000000000"),
+        ({"volumefractionmap_filename": ["../body.density_0", "b"]}, "it names '../body.density_0', which is not in"),
+        ({"volumefractionmap_filename": ["/dev/zero", "b"]}, "it names '/dev/zero', which is not in its own folder"),
         ({"n_materials": True}, "n_materials must be a whole number of at least 1, got True"),
         ({"cols": [5]}, "cols must be a list with one entry for each of the 2 materials"),
         ({"slices": 3}, "slices must be a list with one entry"),
@@ -173,7 +176,7 @@ def test_impossible_fractions_are_refused(body, wrong):
 
 def test_what_is_no_phantom_is_refused(body):
     body.path.write_text("not JSON")
-    with pytest.raises(FileFormatError, match=r"body\.json: this is neither an archive nor JSON"):
+    with pytest.raises(FileFormatError, match=r"body\.json: this is not JSON"):
         read_xcist_phantom(body.path)
     body.path.write_text("[1]")
     with pytest.raises(FileFormatError, match="a JSON object with named values was needed"):

@@ -1,5 +1,7 @@
 """Arrays of numpy on disk, one of them chosen by name."""
 
+import struct
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -9,6 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
+
+# What numpy and zipfile raise for files that are cut, damaged or of another kind.
+_DAMAGE = (
+    *(ArithmeticError, AttributeError, EOFError, KeyError, NotImplementedError, OSError, RuntimeError, SyntaxError),
+    *(TypeError, ValueError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
 
 
 def load_array(path: PathLike) -> NDArray[Any]:
@@ -36,7 +44,7 @@ def load_array(path: PathLike) -> NDArray[Any]:
             array: NDArray[Any] = content if single else content[_choose(file, member, content)]
     except FileFormatError:
         raise
-    except (EOFError, OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+    except _DAMAGE as error:
         raise FileFormatError(f"{file}: this is not a whole .npy or .npz file of numbers ({error}).") from error
     if array.dtype.kind not in "fiu":
         raise FileFormatError(f"{path}: an array of real numbers was needed, got {array.dtype}.")
@@ -57,14 +65,16 @@ def _split(path: PathLike) -> tuple[Path, str]:
 
 
 def _choose(file: Path, member: str, content: Any) -> str:
-    names = list(content.files)
+    arrays = {name: each for name in content.files if isinstance(each := content[name], np.ndarray)}
+    names = list(arrays)
+    if not names:
+        raise FileFormatError(f"{file} holds no array; give a file that numpy.savez has written.")
     if member:
         if member not in names:
-            raise FileFormatError(f"{file} has no array {member}; it has {', '.join(names)}.")
+            raise FileFormatError(f"{file} has no array {member}; it has {', '.join(names[:10])}.")
         return member
-    numbers = {name: content[name] for name in names}
-    flat = [name for name, array in numbers.items() if array.ndim == 2 and array.dtype.kind in "fiu"]
+    flat = [name for name, array in arrays.items() if array.ndim == 2 and array.dtype.kind in "fiu"]
     for clear in (flat, names):
         if len(clear) == 1:
             return str(clear[0])
-    raise FileFormatError(f"{file} holds the arrays {', '.join(names)}; choose one, such as {file}:{names[0]}.")
+    raise FileFormatError(f"{file} holds the arrays {', '.join(names[:10])}; choose one, such as {file}:{names[0]}.")

@@ -1,17 +1,20 @@
 """CatSim's configuration files, read without executing them.
 
 The files are Python that CatSim runs. Here only plain assignments such as `scanner.sid = 541.0` are
-understood, with numbers, strings, lists, names assigned before, and + − * / between numbers; nothing else
-is ever evaluated.
+understood, with numbers, strings, lists of these, names assigned before, and + − * / between numbers; nothing
+else is ever evaluated, and no value can grow beyond what stands in the file.
 """
 
 import ast
 from collections.abc import Callable, Sequence
 from operator import add, mul, sub, truediv
+from pathlib import Path
 from typing import Any
 
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
 
+_LARGEST_FILE = 1 << 20
+_LARGEST_INTEGER = 1e300
 _OPERATIONS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: add,
     ast.Sub: sub,
@@ -39,8 +42,10 @@ def read_cfg(paths: Sequence[PathLike]) -> dict[str, Any]:
     """
     values: dict[str, Any] = {}
     for path in paths:
+        if (size := existing_file(path).stat().st_size) > _LARGEST_FILE:
+            raise FileFormatError(f"{path} has {size} bytes, far more than a configuration file of CatSim.")
         try:
-            program = ast.parse(existing_file(path).read_text(encoding="utf-8"))
+            program = ast.parse(Path(path).read_text(encoding="utf-8"))
         except (MemoryError, RecursionError, SyntaxError, ValueError) as error:
             raise FileFormatError(f"{path}: this is not a configuration file of CatSim ({error}).") from error
         for statement in program.body:
@@ -74,14 +79,24 @@ def _value(node: ast.expr, values: dict[str, Any]) -> Any:
     if name in values and not isinstance(values[name], Unreadable):
         return values[name]
     if isinstance(node, ast.Constant):
-        return node.value
+        return _bounded(node.value)
     if isinstance(node, ast.List | ast.Tuple):
-        return [_value(element, values) for element in node.elts]
+        elements = [_value(element, values) for element in node.elts]
+        if any(isinstance(element, list) for element in elements):
+            raise ValueError("lists of lists could grow with every name")
+        return elements
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return -_plain_number(node.operand, values)
     if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
-        return _OPERATIONS[type(node.op)](_plain_number(node.left, values), _plain_number(node.right, values))
+        return _bounded(_OPERATIONS[type(node.op)](_plain_number(node.left, values), _plain_number(node.right, values)))
     raise ValueError("more than a plain value")
+
+
+def _bounded(value: Any) -> Any:
+    """A value as it is, unless it is an integer of hundreds of digits, which would double with each product."""
+    if isinstance(value, int) and not abs(value) < _LARGEST_INTEGER:
+        raise ValueError("more than a plain number")
+    return value
 
 
 def _plain_number(node: ast.expr, values: dict[str, Any]) -> float:

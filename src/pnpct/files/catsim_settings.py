@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from pnpct.files.catsim_cfg import Unreadable, read_cfg
-from pnpct.files.errors import FileFormatError, PathLike
-from pnpct.files.geometry_json import load_json, read_geometry
+from pnpct.files.errors import FileFormatError, PathLike, shown
+from pnpct.files.geometry_json import read_geometry
+from pnpct.files.json_file import load_json
 from pnpct.geometry import FanBeam, evenly_spaced_views
 
 # What CatSim assumes where no configuration file says otherwise, for what seldom stands in one.
@@ -90,9 +91,9 @@ def read_settings(configuration: PathLike | Sequence[PathLike]) -> CatSimSetting
 def _from_json(path: PathLike) -> CatSimSettings:
     content = load_json(path)
     numbers = [content.get(key) for key in ("gain_e_per_keV", "eNoise_e")]
-    if not all(isinstance(number, int | float) and number >= 0 for number in numbers) or not numbers[0]:
+    if not all(isinstance(number, int | float) and 0 <= number < 1e300 for number in numbers) or not numbers[0]:
         raise FileFormatError(
-            f"{path}: CatSim's raw files need gain_e_per_keV > 0 and eNoise_e (0 if off), got {numbers}."
+            f"{path}: CatSim's raw files need gain_e_per_keV > 0 and eNoise_e (0 if off), got {shown(numbers)}."
         )
     gain, noise = (float(number) for number in numbers if number is not None)
     return CatSimSettings(read_geometry(path).geometry, rows=0, gain=(gain,), electron_noise=noise)
@@ -101,7 +102,7 @@ def _from_json(path: PathLike) -> CatSimSettings:
 def _from_values(values: dict[str, Any], names: str) -> CatSimSettings:
     for key, only in _ONLY.items():
         if values[key] != only:
-            raise FileFormatError(f"{names}: {key} is {values[key]!r}, but only scans with {only!r} can be read.")
+            raise FileFormatError(f"{names}: {key} is {shown(values[key])}, but only scans with {only!r} can be read.")
 
     def number(key: str) -> float:
         return _number(values, key, names)
@@ -111,7 +112,7 @@ def _from_values(values: dict[str, Any], names: str) -> CatSimSettings:
     gains = gain if isinstance(gain, list) else [number("scanner.detectionGain")]
     if len(gains) not in (1, rows) or not all(isinstance(one, int | float) and one > 0 for one in gains):
         raise FileFormatError(
-            f"{names}: scanner.detectionGain must be a positive number, or one per row, got {gain!r}."
+            f"{names}: scanner.detectionGain must be a positive number, or one per row, got {shown(gain)}."
         )
     noise = number("scanner.eNoise") if number("physics.enableElectronicNoise") else 0.0
     return CatSimSettings(_geometry(values, names), rows, [float(one) for one in gains], noise)
@@ -145,7 +146,7 @@ def _focal_spot_shifts(values: dict[str, Any], names: str, view_numbers: range) 
     """The wobble goes to −x in even views and to +x in odd ones; at the first angle x is along γ, y away."""
     offset, wobble = values["protocol.focalspotOffset"], _number(values, "protocol.wobbleDistance", names)
     if not isinstance(offset, list) or len(offset) != 3 or offset[2] != 0:
-        raise FileFormatError(f"{names}: protocol.focalspotOffset must be [x, y, 0] in mm, got {offset!r}.")
+        raise FileFormatError(f"{names}: protocol.focalspotOffset must be [x, y, 0] in mm, got {shown(offset)}.")
     along, away = float(offset[0]), float(offset[1])
     if not (wobble or along or away):
         return []
@@ -163,7 +164,7 @@ def _number(values: dict[str, Any], key: str, names: str) -> float:
             f"{value}: {key} must be a plain number here, since configuration files are never executed."
         )
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise FileFormatError(f"{names}: {key} must be a number, got {value!r}.")
+        raise FileFormatError(f"{names}: {key} must be a number, got {shown(value)}.")
     return float(value)
 
 

@@ -22,6 +22,7 @@ from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize
 from pnpct.denoisers.attention import Attention
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.json_file import load_json
 
 FORMAT = "pnpct-network"
 FORMAT_VERSION = 1
@@ -150,11 +151,8 @@ def _plain(about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _read_sidecar(sidecar: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(sidecar.read_text(encoding="utf-8"))
-    except (RecursionError, ValueError) as error:
-        raise FileFormatError(f"{sidecar} is not JSON; copy it again.") from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
+    content = load_json(sidecar)
+    if content.get("format") != FORMAT:
         raise FileFormatError(f"{sidecar} does not describe a network of pnpct.")
     number = content.get("format_version")
     if not isinstance(number, int) or number > FORMAT_VERSION:

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+_LONGEST = 80
+
 PathLike = str | os.PathLike[str]
 
 
@@ -26,3 +28,22 @@ def existing_file(path: PathLike) -> Path:
     if not path.is_file():
         raise OSError(f"{path} is a pipe or a device, but an ordinary file is needed; save it as one first.")
     return path
+
+
+def shown(value: object) -> str:
+    """Return what a value looks like in an error, cut where it is long.
+
+    Example:
+        >>> len(shown("m" * 100_000)), shown([1.5, "two", None, 4])
+        (80, "[1.5, 'two', None, ...]")
+    """
+    if isinstance(value, int):  # Python refuses to write thousands of digits
+        return str(value) if abs(value) < 10**_LONGEST else f"a number of {value.bit_length()} bits"
+    if isinstance(value, str | bytes):
+        value = value[: _LONGEST + 1]
+    elif isinstance(value, list | tuple):
+        return f"[{', '.join(map(shown, value[:3]))}{', ...' if len(value) > 3 else ''}]"[: 2 * _LONGEST]
+    elif isinstance(value, dict):
+        return f"an object with {len(value)} names"
+    text = repr(value)
+    return text if len(text) < _LONGEST else text[: _LONGEST - 3] + "..."

@@ -24,6 +24,7 @@ from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
 from pnpct.files.hdf5 import (
     group_of,
     new_hdf5,
+    number_of,
     open_hdf5,
     read_array,
     read_image_dataset,
@@ -107,7 +108,7 @@ def read_exposure(path: PathLike, *, tube_voltage_kvp: float = 120.0) -> Exposed
         group = group_of(file, name)
         moments = Moments(
             **{part: read_array(group, part) for part in _MEANINGS},
-            electronic_noise=float(group.attrs["electronic_noise"]),
+            electronic_noise=number_of(group, "electronic_noise"),
         )
         hardening = BeamHardening(read_array(group, "beam_hardening")) if "beam_hardening" in group else None
         geometry = require_fan_beam(read_geometry_group(group_of(file, "geometry")))
@@ -115,7 +116,7 @@ def read_exposure(path: PathLike, *, tube_voltage_kvp: float = 120.0) -> Exposed
             raise FileFormatError(
                 f"the moments have the shape {tuple(moments.signal_mean.shape)}, the geometry is for {geometry.shape}."
             )
-        exposure = Exposure(moments, geometry, float(group.attrs["mu_water_per_mm"]), hardening)
+        exposure = Exposure(moments, geometry, number_of(group, "mu_water_per_mm"), hardening)
         if "truth" not in group:
             return ExposedSlice(exposure)
         truth, grid = read_image_dataset(group_of(group, "truth"))

@@ -1,16 +1,18 @@
 """Geometries in our HDF5 files: of a fan beam, or with detector_rows among the attributes of a cone beam."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from pnpct.files.errors import FileFormatError
-from pnpct.files.hdf5 import read_array
+from pnpct.files.errors import FileFormatError, shown
+from pnpct.files.hdf5 import number_of, read_array, text_of, whole_number_of
 from pnpct.geometry import ConeBeam, Detector, FanBeam, Geometry, Trajectory
 
 _LENGTHS = {"source_to_isocenter_mm": "source_to_isocenter", "source_to_detector_mm": "source_to_detector"}
+_KINDS: dict[str, Literal["arc", "flat"]] = {"arc": "arc", "flat": "flat"}
 _ANGLES = "the focal spot is at (-R sin, R cos) of this angle: at the top for 0, counter-clockwise with growth"
 _HEIGHTS = "height of the nominal focal spot and of the middle of the detector in each view, towards the head"
 _SHIFTS = "shift of the focal spot in each view: towards growing fan angle, away from the isocentre"
@@ -46,10 +48,10 @@ def read_geometry_group(group: h5py.Group) -> Geometry:
     Raises:
         FileFormatError: If something is missing or does not fit together.
     """
-    attributes, angles = group.attrs, read_array(group, "view_angles").numpy()
-    of_rows = "detector_rows" in attributes
+    angles = read_array(group, "view_angles").numpy()
+    of_rows = "detector_rows" in group.attrs
     z, shifts = _optional(group, "z", (0,)), _optional(group, "focal_spot_shifts", (0, 3 if of_rows else 2))
-    if angles.ndim != 1 or z.ndim != 1 or shifts.shape[1:] != (3 if of_rows else 2,):
+    if angles.ndim != 1 or z.ndim != 1 or shifts.ndim != 2 or shifts.shape[1:] != (3 if of_rows else 2,):
         raise FileFormatError(
             f"view angles must have the shape (views,), their heights as well, and focal-spot shifts (views, "
             f"{3 if of_rows else 2}), got {angles.shape}, {z.shape} and {shifts.shape}."
@@ -57,17 +59,24 @@ def read_geometry_group(group: h5py.Group) -> Geometry:
     geometry = ConeBeam(
         Trajectory(angles, z, [(along, away, *up, 0.0)[:3] for along, away, *up in shifts.tolist()]),
         Detector(
-            bins=int(attributes["bins"]),
-            bin_width=float(attributes["bin_width_mm"]),
-            offset=float(attributes["detector_offset_bins"]),
-            kind=attributes["detector"],
-            rows=int(attributes["detector_rows"]) if of_rows else 1,
-            row_height=float(attributes["row_height_mm"]) if of_rows else 0.0,
-            row_offset=float(attributes["row_offset_rows"]) if of_rows else 0.0,
+            bins=whole_number_of(group, "bins"),
+            bin_width=number_of(group, "bin_width_mm"),
+            offset=number_of(group, "detector_offset_bins"),
+            kind=_kind(group),
+            rows=whole_number_of(group, "detector_rows") if of_rows else 1,
+            row_height=number_of(group, "row_height_mm") if of_rows else 0.0,
+            row_offset=number_of(group, "row_offset_rows") if of_rows else 0.0,
         ),
-        **{name: float(attributes[key]) for key, name in _LENGTHS.items()},
+        **{name: number_of(group, key) for key, name in _LENGTHS.items()},
     )
     return geometry if of_rows else FanBeam.from_cone_beam(geometry)
+
+
+def _kind(group: h5py.Group) -> Literal["arc", "flat"]:
+    kind = text_of(group, "detector")
+    if kind not in _KINDS:
+        raise FileFormatError(f'the detector is "arc" or "flat", got {shown(kind)}.')
+    return _KINDS[kind]
 
 
 def _optional(group: h5py.Group, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:

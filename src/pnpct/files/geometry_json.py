@@ -29,7 +29,6 @@ The keys of a CatSim scan (sid_mm, sdd_mm, n_cols, col_pitch_mm, col_offset_cols
 start_angle_deg, rotation_direction) are understood as well; other keys beside them are notes.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,7 +38,8 @@ from typing import Any
 import numpy as np
 
 from pnpct.files.array_file import load_array
-from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.errors import FileFormatError, PathLike, shown
+from pnpct.files.json_file import file_beside, load_json
 from pnpct.geometry import FanBeam, evenly_spaced_views
 
 _REQUIRED = {"source_to_isocenter_mm", "source_to_detector_mm", "bins", "bin_width_mm"}
@@ -48,6 +48,7 @@ _OPTIONAL = {
     *("detector", "detector_offset_bins", "bin_direction", "focal_spot_shifts_mm", "comment"),
     *(*_ANGLES, "start_deg", "span_deg", "source_at_zero_angle", "rotation_direction"),
 }
+_LONGEST_KEY, _MOST_KEYS = 40, 8
 _QUARTER_TURNS = {"+y": 0, "-x": 1, "-y": 2, "+x": -1}
 _CATSIM = {
     *("sid_mm", "sdd_mm", "n_cols", "col_pitch_mm", "col_offset_cols"),
@@ -83,8 +84,9 @@ def read_geometry(source: PathLike | Mapping[str, Any]) -> WrittenGeometry:
         >>> read_geometry({**keys, "views": 984, "detector_offset_bins": 0.25}).geometry.shape
         (984, 900)
     """
+    folder: Path | None = None
     if isinstance(source, Mapping):
-        content, name, folder = dict(source), "The geometry", Path()
+        content, name = dict(source), "The geometry"
     else:
         content, name, folder = load_json(source), str(source), Path(source).parent
     try:
@@ -95,23 +97,7 @@ def read_geometry(source: PathLike | Mapping[str, Any]) -> WrittenGeometry:
         raise FileFormatError(f"{name}: {error}") from error
 
 
-def load_json(path: PathLike) -> dict[str, Any]:
-    """Load a JSON file that holds an object.
-
-    Raises:
-        OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not JSON, or not an object.
-    """
-    try:
-        content = json.loads(existing_file(path).read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{path}: this is not JSON ({error}).") from error
-    if not isinstance(content, dict):
-        raise FileFormatError(f"{path}: a JSON object with named values was needed.")
-    return content
-
-
-def _from_our_keys(content: dict[str, Any], folder: Path) -> WrittenGeometry:
+def _from_our_keys(content: dict[str, Any], folder: Path | None) -> WrittenGeometry:
     _check_keys(content, required=_REQUIRED, known=_REQUIRED | _OPTIONAL)
     zero = _choice(content, "source_at_zero_angle", tuple(_QUARTER_TURNS), "+y")
     direction = _choice(content, "rotation_direction", (1, -1), 1)
@@ -132,7 +118,7 @@ def _from_our_keys(content: dict[str, Any], folder: Path) -> WrittenGeometry:
     return WrittenGeometry(geometry, bins_reversed=_choice(content, "bin_direction", (1, -1), 1) == -1)
 
 
-def _view_angles(content: dict[str, Any], folder: Path) -> list[float]:
+def _view_angles(content: dict[str, Any], folder: Path | None) -> list[float]:
     """The view angles as they are written, rad."""
     given = [key for key in _ANGLES if key in content]
     if len(given) != 1:
@@ -147,12 +133,12 @@ def _view_angles(content: dict[str, Any], folder: Path) -> list[float]:
         raise FileFormatError(f"{' and '.join(unused)} go with views, not with {key}; leave out one of them.")
     values = content[key]
     if isinstance(values, str):
-        array = load_array(folder / values)
+        array = load_array(Path(values) if folder is None else file_beside(folder, values))
         if array.ndim != 1:
             raise FileFormatError(f"{key} must be a list of angles, got an array of shape {array.shape}.")
         values = array.astype(np.float64).tolist()
     if not isinstance(values, list):
-        raise FileFormatError(f"{key} must be a list of angles or the name of a file, got {values!r}.")
+        raise FileFormatError(f"{key} must be a list of angles or the name of a file, got {shown(values)}.")
     angles = [_real(value, key) for value in values]
     return [math.radians(angle) for angle in angles] if key.endswith("deg") else angles
 
@@ -161,7 +147,7 @@ def _from_catsim_keys(content: dict[str, Any]) -> WrittenGeometry:
     _check_keys(content, required=_CATSIM, known=set(content))
     shape = content.get("detector", "arc")
     if not isinstance(shape, str) or not shape.startswith(("arc", "equi-angular")):
-        raise FileFormatError(f"the detector of a CatSim scan must be an equi-angular arc, got {shape!r}.")
+        raise FileFormatError(f"the detector of a CatSim scan must be an equi-angular arc, got {shown(shape)}.")
     step = 360.0 / _whole_number(content, "views_per_rotation")
     turn = _choice(content, "rotation_direction", (1, -1), 1) * step * _whole_number(content, "n_views")
     start = math.radians(_number(content, "start_angle_deg"))
@@ -180,14 +166,19 @@ def _from_catsim_keys(content: dict[str, Any]) -> WrittenGeometry:
 def _check_keys(content: dict[str, Any], *, required: set[str], known: set[str]) -> None:
     missing, unknown = sorted(required - set(content)), sorted(set(content) - known)
     if unknown:
-        raise FileFormatError(f"unknown keys: {', '.join(unknown)}; known are {', '.join(sorted(known))}.")
+        raise FileFormatError(f"unknown keys: {_listed(unknown)}; known are {', '.join(sorted(known))}.")
     if missing:
         raise FileFormatError(f"missing keys: {', '.join(missing)}.")
 
 
+def _listed(keys: list[str]) -> str:
+    named = ", ".join(key if len(key) <= _LONGEST_KEY else shown(key) for key in keys[:_MOST_KEYS])
+    return named + (f" and {len(keys) - _MOST_KEYS} more" if len(keys) > _MOST_KEYS else "")
+
+
 def _real(value: Any, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-        raise FileFormatError(f"{name} must be a finite number, got {value!r}.")
+        raise FileFormatError(f"{name} must be a finite number, got {shown(value)}.")
     return float(value)
 
 
@@ -198,12 +189,12 @@ def _number(content: dict[str, Any], key: str, default: float | None = None) -> 
 def _whole_number(content: dict[str, Any], key: str) -> int:
     value = _number(content, key)
     if value < 1 or value != int(value):
-        raise FileFormatError(f"{key} must be a whole number of at least 1, got {content[key]!r}.")
+        raise FileFormatError(f"{key} must be a whole number of at least 1, got {shown(content[key])}.")
     return int(value)
 
 
 def _choice(content: dict[str, Any], key: str, choices: tuple[Any, ...], default: Any) -> Any:
     value = content.get(key, default)
     if isinstance(value, bool) or value not in choices:
-        raise FileFormatError(f"{key} must be one of {', '.join(map(str, choices))}, got {value!r}.")
+        raise FileFormatError(f"{key} must be one of {', '.join(map(str, choices))}, got {shown(value)}.")
     return value

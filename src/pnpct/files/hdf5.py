@@ -13,15 +13,19 @@ from torch import Tensor
 
 from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
-from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
 from pnpct.files.provenance import Provenance
 from pnpct.files.self_contained import check_self_contained
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 FORMAT_VERSION = 1
+# What h5py raises for content that is not what it seems.
+_DAMAGE = (ArithmeticError, AttributeError, KeyError, OSError, RuntimeError, SystemError, TypeError, ValueError)
 _PLANE = {"spacing_mm": "spacing", "rows": "rows", "cols": "cols"}
 _STACK = {"slices": "slices", "slice_spacing_mm": "slice_spacing", "z_mm": "z"}
 _CHUNK_BYTES = 1 << 18
+_LARGEST_RATIO = 1100
+"""Bytes that one byte of gzip can become at most, and a little more."""
 
 
 @contextmanager
@@ -78,7 +82,7 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
             yield file
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from error
-    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+    except _DAMAGE as error:
         raise FileFormatError(f"{path}: {_what_is_wrong(error)}") from error
 
 
@@ -104,7 +108,7 @@ def _what_is_wrong(error: Exception) -> str:
         return "this file is cut short; copy it again or make it anew."
     if isinstance(error, KeyError):
         return f"something is missing in this file ({text}); make it anew."
-    if isinstance(error, OSError | RuntimeError | TypeError):
+    if not isinstance(error, ValueError) or isinstance(error, UnicodeError):
         return f"this file is damaged ({text}); copy it again or make it anew."
     return text
 
@@ -126,18 +130,70 @@ def read_array(group: h5py.Group, name: str) -> Float[Tensor, "..."]:
     """Load a dataset of finite numbers.
 
     Raises:
-        FileFormatError: If it is missing, or holds something else.
+        FileFormatError: If it is missing or empty, holds something else, or declares more than the file can hold.
     """
     dataset = group.get(name)
     if not isinstance(dataset, h5py.Dataset):
         raise FileFormatError(f"the dataset {group.name.rstrip('/')}/{name} is missing in this file; make it anew.")
     if dataset.dtype.kind not in "fiu":
         raise FileFormatError(f"{dataset.name} must hold numbers, but it holds {dataset.dtype}.")
+    if dataset.shape is None or not dataset.size:
+        raise FileFormatError(f"{dataset.name} is empty; make the file anew.")
+    stored = dataset.id.get_storage_size()
+    if dataset.nbytes > _LARGEST_RATIO * stored + _CHUNK_BYTES:
+        raise FileFormatError(
+            f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
+            "of it; make the file anew."
+        )
     values = torch.from_numpy(np.asarray(dataset[()]))
     values = values if values.is_floating_point() else values.double()
     if not values.isfinite().all():
         raise FileFormatError(f"{dataset.name} holds values that are not finite; make the file anew.")
     return values
+
+
+def numbers_of(item: h5py.Group | h5py.Dataset, name: str, count: int) -> list[float]:
+    """Return an attribute of so many finite numbers.
+
+    Raises:
+        FileFormatError: If it is missing or something else.
+    """
+    values = np.asarray(_attribute(item, name))
+    if values.dtype.kind not in "fiu" or values.size != count or not np.isfinite(values).all():
+        needed = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise FileFormatError(f"the attribute {name} of {item.name} must be {needed}, got {shown(values.tolist())}.")
+    return [float(value) for value in values.ravel()]
+
+
+def number_of(item: h5py.Group | h5py.Dataset, name: str) -> float:
+    """Return an attribute that is one finite number, as `numbers_of` does."""
+    return numbers_of(item, name, 1)[0]
+
+
+def whole_number_of(item: h5py.Group | h5py.Dataset, name: str) -> int:
+    """Return an attribute that is a whole number, as `numbers_of` does."""
+    number = number_of(item, name)
+    if not number.is_integer():
+        raise FileFormatError(f"the attribute {name} of {item.name} must be a whole number, got {number:g}.")
+    return int(number)
+
+
+def text_of(item: h5py.Group | h5py.Dataset, name: str) -> str:
+    """Return an attribute that is text.
+
+    Raises:
+        FileFormatError: If it is missing or something else.
+    """
+    text = _attribute(item, name)
+    if not isinstance(text, str):
+        raise FileFormatError(f"the attribute {name} of {item.name} must be text, got {shown(text)}.")
+    return text
+
+
+def _attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
+    if name not in item.attrs:
+        raise FileFormatError(f"the attribute {name} of {item.name} is missing in this file; make it anew.")
+    return item.attrs[name]
 
 
 def group_of(file: h5py.Group, name: str) -> h5py.Group:
@@ -174,16 +230,13 @@ def read_image_dataset(group: h5py.Group) -> tuple[Image | Volume, Grid]:
         FileFormatError: If something is missing or does not fit together.
     """
     image = read_array(group, "image")
-    attributes = group["image"].attrs
-    center = np.asarray(attributes["center_xy_mm"], dtype=np.float64)
-    if center.shape != (2,):
-        raise FileFormatError(f"center_xy_mm must be two numbers, got {center.tolist()}.")
-    rows, cols, spacing = int(attributes["rows"]), int(attributes["cols"]), float(attributes["spacing_mm"])
-    plane = ImageGrid(rows, cols, spacing, (float(center[0]), float(center[1])))
+    x, y = numbers_of(group["image"], "center_xy_mm", 2)
+    rows, cols = whole_number_of(group["image"], "rows"), whole_number_of(group["image"], "cols")
+    plane = ImageGrid(rows, cols, number_of(group["image"], "spacing_mm"), (x, y))
     grid: Grid = plane
-    if "slices" in attributes:
-        between, z = float(attributes["slice_spacing_mm"]), float(attributes["z_mm"])
-        grid = VolumeGrid(plane, int(attributes["slices"]), between, z)
+    if "slices" in group["image"].attrs:
+        between, z = number_of(group["image"], "slice_spacing_mm"), number_of(group["image"], "z_mm")
+        grid = VolumeGrid(plane, whole_number_of(group["image"], "slices"), between, z)
     if tuple(image.shape[image.ndim - len(grid.shape) :]) != grid.shape:
         raise FileFormatError(f"the image has the shape {tuple(image.shape)}, but its grid {grid.shape}.")
     return image, grid

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 from pnpct.files.atomic import atomic_path
-from pnpct.files.errors import FileFormatError, existing_file
+from pnpct.files.errors import FileFormatError
+from pnpct.files.json_file import file_beside, load_json
 
 FORMAT = "pnpct-dataset"
 MANIFEST = "manifest.json"
@@ -72,21 +73,26 @@ def read_manifest(folder: Path) -> Manifest:
         OSError: If there is none or it cannot be read.
         FileFormatError: If it is not the manifest of a data set.
     """
-    path = existing_file(folder / MANIFEST)
+    path = folder / MANIFEST
+    content = load_json(path)
+    if content.get("format") != FORMAT:
+        raise FileFormatError(f"{path} is not the manifest of a data set.")
+    number = content.get("format_version")
+    if isinstance(number, int) and number > 1:
+        raise FileFormatError(f"{path} is of a newer version; update pnpct.")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if content["format"] != FORMAT:
-            raise FileFormatError(f"{path} is not the manifest of a data set.")
-        if content["format_version"] > 1:
-            raise FileFormatError(f"{path} is of a newer version; update pnpct.")
         scans = [ListedScan(**scan) for scan in content["scans"]]
-        if not isinstance(content["recipe"], dict) or not all(_plausible(scan) for scan in scans):
-            raise FileFormatError(f"{path} is not the whole manifest of a data set.")
-        return Manifest(content["recipe"], scans)
-    except FileFormatError:
-        raise
-    except (KeyError, TypeError, ValueError) as error:
+        recipe = content["recipe"]
+    except (KeyError, TypeError) as error:
         raise FileFormatError(f"{path} is not the whole manifest of a data set.") from error
+    if not isinstance(recipe, dict) or not all(_plausible(scan) for scan in scans):
+        raise FileFormatError(f"{path} is not the whole manifest of a data set.")
+    try:
+        for name in (name for scan in scans for name in scan.files):
+            file_beside(folder, name)
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}") from error
+    return Manifest(recipe, scans)
 
 
 def _plausible(scan: ListedScan) -> bool:

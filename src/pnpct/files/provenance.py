@@ -11,6 +11,7 @@ from typing import Any
 
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.json_file import parse_json
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,11 @@ class Provenance:
             FileFormatError: If the text is not JSON, or its keys or values are not those of a provenance.
         """
         try:
-            content = json.loads(text)
-        except ValueError as error:
-            raise FileFormatError(f"A provenance is written in JSON, but this is not: {error}.") from error
+            content = parse_json(text)
+        except FileFormatError as error:
+            raise FileFormatError(f"A provenance is written in JSON: {error}") from error
         names = {entry.name for entry in fields(Provenance)}
-        if not isinstance(content, dict) or set(content) != names:
+        if set(content) != names:
             raise FileFormatError(f"A provenance has the keys {', '.join(sorted(names))}, got {_brief(content)}.")
         of_type = {
             "command": list,

@@ -23,6 +23,7 @@ from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
 from pnpct.files.hdf5 import (
     group_of,
     new_hdf5,
+    number_of,
     open_hdf5,
     read_array,
     read_image_dataset,
@@ -100,7 +101,7 @@ def read_scan(path: PathLike) -> Scan:
             incident=read_array(file, "incident"),
             electronic_noise=float(noise),
             geometry=geometry,
-            mu_water=float(file.attrs["mu_water_per_mm"]),
+            mu_water=number_of(file, "mu_water_per_mm"),
             beam_hardening=hardening,
         )
 

@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnpct.files.atomic import atomic_path
-from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
+from pnpct.files.json_file import file_beside, parse_json
 from pnpct.geometry import ImageGrid
 
 _TYPES = {
@@ -42,6 +43,7 @@ _TYPES = {
     "single": "<f4",
     "double": "<f8",
 }
+_LARGEST_RATIO = 1100
 _SIZES = ("cols", "rows", "slices")
 _LENGTHS = ("x_size", "y_size", "z_size")
 _OFFSETS = ("x_offset", "y_offset", "z_offset")
@@ -173,17 +175,21 @@ def _from_archive(archive: zipfile.ZipFile) -> tuple[FractionMap, ...]:
         member = posixpath.normpath(posixpath.join(posixpath.dirname(found[0]), name))
         if member not in names:
             raise FileFormatError(f"the map {name} is not in the archive.")
-        _check_size(name, archive.getinfo(member).file_size, kind, values)
+        held = archive.getinfo(member)
+        _check_size(name, held.file_size, kind, values)
+        if held.file_size > _LARGEST_RATIO * held.compress_size + (1 << 20):
+            raise FileFormatError(f"the map {name} grows more than {_LARGEST_RATIO} times; unpack the archive.")
         return np.frombuffer(archive.read(member), kind)
 
     return _maps(_description(archive.read(found[0])), read)
 
 
 def _mapped(folder: Path, name: str, kind: np.dtype[Any], values: int) -> NDArray[Any]:
-    if not (folder / name).is_file():
+    path = file_beside(folder, name)
+    if not path.is_file():
         raise FileFormatError(f"there is no map {name} beside the description.")
-    _check_size(name, (folder / name).stat().st_size, kind, values)
-    return np.memmap(folder / name, kind, mode="r")
+    _check_size(name, path.stat().st_size, kind, values)
+    return np.memmap(path, kind, mode="r")
 
 
 def _check_size(name: str, size: int, kind: np.dtype[Any], values: int) -> None:
@@ -196,25 +202,21 @@ def _check_size(name: str, size: int, kind: np.dtype[Any], values: int) -> None:
 
 def _description(content: bytes) -> dict[str, list[Any]]:
     """The lists of the description, all of one length, and what is in them of the right kind."""
-    try:
-        entries = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"this is neither an archive nor JSON ({error}).") from error
-    if not isinstance(entries, dict):
-        raise FileFormatError("a JSON object with named values was needed.")
+    entries = parse_json(content)
     if missing := [key for key in ("n_materials", *_KEYS) if key not in entries]:
         raise FileFormatError(f"missing keys: {', '.join(missing)}.")
     materials = entries["n_materials"]
     if isinstance(materials, bool) or not isinstance(materials, int) or materials < 1:
-        raise FileFormatError(f"n_materials must be a whole number of at least 1, got {materials!r}.")
+        raise FileFormatError(f"n_materials must be a whole number of at least 1, got {shown(materials)}.")
     columns = {key: entries[key] for key in _KEYS}
-    columns["density_scale"] = entries.get("density_scale", [1.0] * materials)
+    if "density_scale" in entries:
+        columns["density_scale"] = entries["density_scale"]
     for key, values in columns.items():
         if not isinstance(values, list) or len(values) != materials:
             raise FileFormatError(f"{key} must be a list with one entry for each of the {materials} materials.")
         for value in values:
             _check_entry(key, value)
-    return columns
+    return {"density_scale": [1.0] * materials, **columns}
 
 
 def _check_entry(key: str, value: Any) -> None:
@@ -230,7 +232,7 @@ def _check_entry(key: str, value: Any) -> None:
         elif key not in _OFFSETS:
             good, needed = good and value > 0, "a positive number"
     if not good:
-        raise FileFormatError(f"{key} must hold {needed}, got {value!r}.")
+        raise FileFormatError(f"{key} must hold {needed}, got {shown(value)}.")
 
 
 def _maps(columns: dict[str, list[Any]], read: Read) -> tuple[FractionMap, ...]:

@@ -7,6 +7,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_CELLS = 1_000_000
+"""More cells in a row, and more rows, than any detector has."""
+
 
 @dataclass(frozen=True)
 class Detector:
@@ -54,6 +57,8 @@ class Detector:
             raise ValueError(f"A detector needs at least one bin, got {self.bins}.")
         if self.rows < 1:
             raise ValueError(f"A detector needs at least one row, got {self.rows}.")
+        if max(self.bins, self.rows) > MOST_CELLS:
+            raise ValueError(f"A detector has at most {MOST_CELLS} bins and rows, got {self.bins} and {self.rows}.")
         if not (math.isfinite(self.bin_width) and self.bin_width > 0):
             raise ValueError(f"bin_width must be a positive length in mm, got {self.bin_width}.")
         if not (math.isfinite(self.row_height) and self.row_height >= 0) or (self.rows > 1 and not self.row_height):

@@ -11,9 +11,15 @@ from numpy.typing import NDArray
 Views: TypeAlias = slice | Sequence[int] | NDArray[Any]
 """A subset of views: a slice, their numbers, or a mask with one boolean per view."""
 
+MOST_VIEWS = 1_000_000
+"""More views than any scan has: a helix of a whole patient has a hundred thousand."""
+
 
 def evenly_spaced_views(views: int, *, start: float = 0.0, span: float = 2 * math.pi) -> tuple[float, ...]:
     """Return `views` angles, rad, that divide `span` from `start` on; the end of the span is not one of them.
+
+    Raises:
+        ValueError: If there are no views, or more than a million.
 
     Example:
         >>> [round(math.degrees(angle)) for angle in evenly_spaced_views(4)]
@@ -21,6 +27,8 @@ def evenly_spaced_views(views: int, *, start: float = 0.0, span: float = 2 * mat
     """
     if views < 1:
         raise ValueError(f"A scan needs at least one view, got {views}.")
+    if views > MOST_VIEWS:
+        raise ValueError(f"A scan has at most {MOST_VIEWS} views, got {views}.")
     return tuple(start + span * view / views for view in range(views))
 
 
@@ -74,6 +82,8 @@ class Trajectory:
     focal_spot_shifts: Sequence[tuple[float, float, float]] = ()
 
     def __post_init__(self) -> None:
+        if len(self.angles) > MOST_VIEWS:
+            raise ValueError(f"A scan has at most {MOST_VIEWS} views, got {len(self.angles)}.")
         # Tuples of floats: frozen, hashable and equal by value, whatever sequence came in.
         object.__setattr__(self, "angles", tuple(float(angle) for angle in self.angles))
         object.__setattr__(self, "z", tuple(float(height) for height in self.z))
