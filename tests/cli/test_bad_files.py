@@ -34,7 +34,7 @@ IMPORTING = [
     Case("negative counts", BAD_ARRAY, "lowest count -1000", with_counts(lambda a: a - a.min() - 1000)),
     Case("counts as line integrals", ARRAYS + " --kind line-integrals", "no line integral counts"),
     Case("no array", BAD_ARRAY, "There is no file bad.npy"),
-    Case("text for an array", BAD_ARRAY, "bad.npy not a whole .npy", with_text("bad.npy", "1, 2, 3")),
+    Case("text for an array", BAD_ARRAY, "bad.npy not a complete .npy", with_text("bad.npy", "1, 2, 3")),
     Case(
         "no such member", BAD_ARRAY.replace("bad.npy", "a.npz:b"), "a.npz no array b", with_array("a.npz", np.ones(3))
     ),
@@ -58,8 +58,8 @@ IMPORTING = [
     Case("no configuration of CatSim", CATSIM, "There is no file raw.json"),
     Case("no raw file", CATSIM, "There is no file raw.scan", with_catsim(0, 3)),
     Case("no air scan", CATSIM, "There is no file raw.air", with_catsim(6, 0)),
-    Case("a raw file cut short", CATSIM, "raw.scan cut short", with_catsim(5, 3)),
-    Case("an air scan cut short", CATSIM, "raw.air 8 bytes cut short", with_catsim(6, 2)),
+    Case("a raw file cut short", CATSIM, "raw.scan truncated", with_catsim(5, 3)),
+    Case("an air scan cut short", CATSIM, "raw.air 8 bytes truncated", with_catsim(6, 2)),
     Case("no such detector row", CATSIM + " --detector-row 3", "rows 0 to 0 row 3", with_catsim(6, 3)),
 ]
 
@@ -98,12 +98,12 @@ COMPARING = [
     Case("other pixels", EVALUATE, "3.6 mm 3.51562 mm", with_attributes("image", of="image.h5", spacing_mm=3.6)),
     Case("an image aside", EVALUATE, "(1, 0) (0, 0)", with_attributes("image", of="image.h5", center_xy_mm=(1.0, 0.0))),
     Case("a batch", EVALUATE, "one shape (2, 128, 128)", with_dataset("image", 2, 128, 128, of="image.h5")),
-    Case("an image cut short", EVALUATE, "bad.h5 cut short", cut(0.9, of="image.h5")),
+    Case("an image cut short", EVALUATE, "bad.h5 truncated", cut(0.9, of="image.h5")),
     Case("a picture for an image", "evaluate {here}/a.png {made}/scan.h5", "a.png 256 greys", with_text("a.png", "")),
     Case("a scan for an image", "evaluate {made}/scan.h5 {made}/scan.h5", "pnpct-scan pnpct-image needed"),
     Case("a scan without truth", AGAINST, "bad.h5 without the truth", without("truth")),
     Case("a constant truth", AGAINST, "reference constant no range", with_dataset("truth/image", 128, 128, value=0.0)),
-    Case("NIfTI cut short", "evaluate {here}/a.nii {made}/scan.h5", "a.nii whole NIfTI", with_text("a.nii", "n+1")),
+    Case("NIfTI cut short", "evaluate {here}/a.nii {made}/scan.h5", "a.nii complete NIfTI", with_text("a.nii", "n+1")),
     Case("no truth", "evaluate {made}/image.h5", "missing TRUTH"),
 ]
 

@@ -202,7 +202,7 @@ MISTAKES = [
     Case("fewer digits of tv", TV + " --bfloat16", "bfloat16 no effect on tv networks"),
     Case("fewer digits of tv in pnp", PNP_TV + " --bfloat16", "bfloat16 tv networks"),
     Case("no image", "denoise {here}/bad.h5 {here}/out.h5", "There is no file bad.h5"),
-    Case("an image cut short", "denoise {here}/bad.h5 {here}/out.h5", "bad.h5 cut short", cut(0.9, of="image.h5")),
+    Case("an image cut short", "denoise {here}/bad.h5 {here}/out.h5", "bad.h5 truncated", cut(0.9, of="image.h5")),
     Case("a scan for an image", "denoise {made}/scan.h5 {here}/out.h5", "scan.h5 pnpct-scan pnpct-image needed"),
     Case("a picture for an image", "denoise {here}/a.png {here}/out.h5", "a.png 256 greys", with_text("a.png", "")),
     Case("an unknown format", "denoise {made}/image.h5 {here}/out.tiff", "out.tiff .h5 .nii"),

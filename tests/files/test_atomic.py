@@ -110,7 +110,7 @@ def test_a_full_disk_is_one_sentence_that_names_the_file(tmp_path, error):
             temporary.write_text("half")
             raise error
 
-    with pytest.raises(OSError, match=f"^{path} was not written: no room is left") as raised:
+    with pytest.raises(OSError, match=f"^{path} was not written: the disk is full") as raised:
         fill_up()
     assert raised.value.errno == errno.ENOSPC
     assert list(tmp_path.iterdir()) == []
@@ -120,6 +120,6 @@ def test_a_full_disk_is_one_sentence_that_names_the_file(tmp_path, error):
 def test_running_out_of_room_ends_in_that_sentence(tmp_path, generator, little_room, suffix):
     path = tmp_path / f"image{suffix}"
     image = 1.0 + 0.15 * torch.randn(200, 200, generator=generator)
-    with pytest.raises(OSError, match=f"^{path} was not written: no room is left"):
+    with pytest.raises(OSError, match=f"^{path} was not written: the disk is full"):
         write_image(path, image, ImageGrid(200, 200, 1.0), provenance=Provenance(["pnpct"], "0.1.0"))
     assert list(tmp_path.iterdir()) == []

@@ -120,7 +120,7 @@ def test_a_truncated_raw_file_is_one_sentence(run, suffix, missing):
     content = run.path(suffix).read_bytes()
     run.path(suffix).write_bytes(content[:-missing])
     with pytest.raises(
-        FileFormatError, match=f"^{run.path(suffix)} has {len(content) - missing} bytes, but .* cut short"
+        FileFormatError, match=f"^{run.path(suffix)} has {len(content) - missing} bytes, but .* truncated"
     ):
         run.read()
 

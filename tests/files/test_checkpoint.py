@@ -143,11 +143,11 @@ def test_what_cannot_be_read_again_is_not_written(tmp_path, name, network, about
         ({"units": "HU"}, 'units "HU"'),
         ({"architecture": "unet"}, '"unet"; rdn-cbam and red-cnn are known'),
         ({"architecture": ["rdn-cbam"]}, "rdn-cbam and red-cnn are known"),
-        ({"architecture": "red-cnn"}, "does not describe a whole red-cnn network"),
-        ({"size": {"filters": 2}}, "does not describe a whole rdn-cbam network"),
+        ({"architecture": "red-cnn"}, "does not describe a complete red-cnn network"),
+        ({"size": {"filters": 2}}, "does not describe a complete rdn-cbam network"),
         ({"size": {**vars(TINY), "blocks": 0}}, "at least one of everything"),
         ({"size": {**vars(TINY), "growth": 2.5}}, "growth.*2.5"),
-        ({"size": {**vars(TINY), "features": 10**30}}, "does not describe a whole rdn-cbam network"),
+        ({"size": {**vars(TINY), "features": 10**30}}, "does not describe a complete rdn-cbam network"),
         ({"size": None}, "its size is None"),
         ({"attention": "nonlocal"}, "attention nonlocal"),
         ({"noise_input": 1}, "noise_input is 1"),
@@ -184,8 +184,8 @@ def test_numbers_that_have_changed_are_refused(path):
 @pytest.mark.parametrize(
     ("numbers", "message"),
     [
-        (b"", "not a whole .safetensors file"),
-        (b"\x80\x02cos\nsystem\n", "not a whole .safetensors file"),
+        (b"", "not a complete .safetensors file"),
+        (b"\x80\x02cos\nsystem\n", "not a complete .safetensors file"),
         (save({"a": torch.ones(1)}), "lacks"),
     ],
 )

@@ -226,8 +226,8 @@ def test_slices_must_be_alike(tmp_path, changes, message):
         ({"RescaleType": "MGML"}, "in HU was needed, but its values are in MGML"),
         ({"SOPClassUID": EnhancedCTImageStorage, "NumberOfFrames": 2}, "holds 2 frames; export the series"),
         ({"Rows": None}, "has no Rows, or not as 1 finite numbers"),
-        ({"PixelData": None}, "no whole DICOM image"),
-        ({"PixelData": b"ab" * 20}, "no whole DICOM image"),
+        ({"PixelData": None}, "not a complete DICOM image"),
+        ({"PixelData": b"ab" * 20}, "not a complete DICOM image"),
     ],
 )
 def test_images_that_are_no_axial_hu_are_refused(tmp_path, changes, message):
@@ -247,7 +247,7 @@ def test_a_file_cut_anywhere_is_refused(tmp_path):
     whole = (folder / "1.dcm").read_bytes()
     for length in range(0, len(whole), 5):
         (folder / "1.dcm").write_bytes(whole[:length])
-        with pytest.raises(FileFormatError, match=r"1\.dcm.* is no whole DICOM"):
+        with pytest.raises(FileFormatError, match=r"1\.dcm.* is not a complete DICOM"):
             read_dicom_series(folder)
 
 

@@ -215,7 +215,7 @@ def test_gradients_and_other_precisions_do_not_matter(tmp_path, image):
 @pytest.mark.parametrize(
     ("name", "shape", "options", "message"),
     [
-        ("image.jpg", (4, 6), {}, "Images are kept as .h5, .nii, .nii.gz or .png, got image.jpg"),
+        ("image.jpg", (4, 6), {}, "Images are stored as .h5, .nii, .nii.gz or .png, got image.jpg"),
         ("image", (4, 6), {}, "got image."),
         ("image.h5", (6, 4), {}, "must end in the grid's (4, 6), got (6, 4)"),
         ("image.nii", (2, 4, 6), {}, "one image or one volume, got a batch of the shape (2, 4, 6); use .h5"),
@@ -245,7 +245,7 @@ def test_a_truncated_file_is_one_sentence(tmp_path, generator, suffix, kept):
     write_image(path, image, ImageGrid(40, 60, 1.0), provenance=PROVENANCE)
     content = path.read_bytes()
     path.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(FileFormatError, match=f"^{path}: this (is not|file is cut short)") as raised:
+    with pytest.raises(FileFormatError, match=f"^{path}: this (is not|file is truncated)") as raised:
         read_image(path)
     assert "\n" not in str(raised.value)
 

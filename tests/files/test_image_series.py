@@ -39,7 +39,7 @@ def test_a_plain_array_needs_its_spacings(tmp_path, volume, name):
     assert series.z == (-4.0, -2.0, 0.0, 2.0, 4.0)
     assert series.grid == VolumeGrid(ImageGrid(4, 6, spacing=0.5), slices=5, slice_spacing=2.0)
     np.testing.assert_array_equal(series.image_hu, volume)
-    with pytest.raises(ValueError, match="does not say its spacings; give pixel_spacing and slice_spacing in mm"):
+    with pytest.raises(ValueError, match="has no spacings; give pixel_spacing and slice_spacing in mm"):
         read_volume(path)
     with pytest.raises(ValueError, match="needs both of them"):
         read_volume(path, pixel_spacing=0.5)

@@ -109,7 +109,7 @@ def test_everything_may_come_from_files(tmp_path, line_integrals):
         (
             np.ones((3, 5)),
             {},
-            "The array has the shape (3, 5), but the geometry has 3 views and 4 bins; mend one",
+            "The array has the shape (3, 5), but the geometry has 3 views and 4 bins; correct one",
         ),
         (np.ones(4), {}, "The array has the shape (4,)"),
         (np.full((3, 4), np.nan), {}, "must hold finite real numbers, got float64 of (3, 4)"),
@@ -117,7 +117,7 @@ def test_everything_may_come_from_files(tmp_path, line_integrals):
         (
             np.full((3, 4), 3e4),
             {},
-            "holds values as large as 30000, no line integral; if these are counts, say so",
+            "holds values as large as 30000, no line integral; if these are counts, set kind to counts",
         ),
         (np.ones((3, 4)), {"incident": 0.0}, "The incident counts must be positive and finite, got 0.0"),
         (np.ones((3, 4)), {"incident": float("nan")}, "The incident counts must be positive and finite"),
@@ -179,13 +179,13 @@ def test_truncated_arrays_are_one_sentence(tmp_path, name, kept):
     (np.save if name == "p.npy" else np.savez_compressed)(path, np.random.default_rng(0).random((30, 40)))
     content = path.read_bytes()
     path.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(FileFormatError, match=f"^{path}: this is not a whole .npy or .npz file"):
+    with pytest.raises(FileFormatError, match=f"^{path}: this is not a complete .npy or .npz file"):
         load_array(path)
 
 
 def test_pickles_are_not_loaded(tmp_path):
     np.save(tmp_path / "p.npy", np.array([print], dtype=object), allow_pickle=True)
-    with pytest.raises(FileFormatError, match=r"this is not a whole \.npy or \.npz file of numbers"):
+    with pytest.raises(FileFormatError, match=r"this is not a complete \.npy or \.npz file of numbers"):
         load_array(tmp_path / "p.npy")
     with pytest.raises(FileNotFoundError, match="There is no file"):
         load_array(tmp_path / "absent.npz")

@@ -165,7 +165,7 @@ def test_an_older_file_is_replaced_and_a_failure_leaves_it(path, geometry, gener
 def test_a_truncated_file_is_one_sentence(path, kept):
     content = path.read_bytes()
     path.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(FileFormatError, match=rf"^{path}: this (file is cut short|is not an HDF5 file); .*\.$"):
+    with pytest.raises(FileFormatError, match=rf"^{path}: this (file is truncated|is not an HDF5 file); .*\.$"):
         read_scan(path)
 
 
@@ -175,7 +175,7 @@ def test_damaged_counts_are_noticed(path):
     content = bytearray(path.read_bytes())
     content[where + 100 : where + 200] = bytes(100)
     path.write_bytes(content)
-    with pytest.raises(FileFormatError, match=r"this file is damaged .*; copy it again or make it anew"):
+    with pytest.raises(FileFormatError, match=r"this file is damaged .*; copy it again or create it again"):
         read_scan(path)
 
 
@@ -191,7 +191,7 @@ def test_other_files_are_refused(tmp_path, path, geometry):
         file["counts"] = np.ones(geometry.shape)
     with pytest.raises(FileFormatError, match="an HDF5 file, but not one of pnpct's"):
         read_scan(tmp_path / "mine.h5")
-    with pytest.raises(FileFormatError, match='format "pnpct-scan" came where "pnpct-image" was needed'):
+    with pytest.raises(FileFormatError, match='format "pnpct-scan" was given where "pnpct-image" was needed'):
         read_image(path)
 
 
@@ -232,7 +232,7 @@ def bomb(name, shape):
 @pytest.mark.parametrize("name", ["counts", "incident", "electronic_noise", "geometry/view_angles"])
 def test_a_missing_dataset_is_named(path, name):
     edited = edit(path, lambda file: file.pop(name))
-    with pytest.raises(FileFormatError, match=f"edited.h5: the dataset /{name} is missing in this file; make it"):
+    with pytest.raises(FileFormatError, match=f"edited.h5: the dataset /{name} is missing in this file; create it"):
         read_scan(edited)
 
 
@@ -241,7 +241,7 @@ def test_a_missing_dataset_is_named(path, name):
     [
         (
             lambda file: file.pop("geometry"),
-            "edited.h5: the group /geometry is missing in this file; make it anew",
+            "edited.h5: the group /geometry is missing in this file; create it again",
         ),
         (
             lambda file: file["geometry"].attrs.pop("bin_width_mm"),

@@ -155,7 +155,7 @@ def test_a_chest_of_xcist_is_read(shared_data):
         ({"mat_name": ["water", 3]}, "mat_name must hold a name, got 3"),
         ({"volumefractionmap_datatype": ["int8", "half"]}, "must hold one of int8, int16, .*, got 'half'"),
         ({"y_size": [0.5, 0.6]}, 'pixels must be square, those of "ncat_muscle" have 0.5 mm in x and 0.6 mm in y'),
-        ({"slices": [2, 1]}, "body.density_0 has 60 bytes, but 40 were needed .* cut short or of another"),
+        ({"slices": [2, 1]}, "body.density_0 has 60 bytes, but 40 were needed .* truncated or of another"),
         ({"volumefractionmap_filename": ["body.density_0", "no"]}, "there is no map no beside the description"),
         ({"density_scale": [1.0, 3.0]}, 'The volume fractions of "ncat_muscle" must be from 0 to 1, got .* to [12]'),
     ],

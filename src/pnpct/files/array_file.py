@@ -1,4 +1,4 @@
-"""Arrays of numpy on disk, one of them chosen by name."""
+"""NumPy arrays on disk, one of them chosen by name."""
 
 import struct
 import tokenize
@@ -30,7 +30,7 @@ def load_array(path: PathLike) -> NDArray[Any]:
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not a whole file of numpy, the member is missing or not clear, or it does
+        FileFormatError: If it is not a complete NumPy file, the member is missing or not clear, or it does
             not hold finite numbers.
     """
     file, member = _split(path)
@@ -45,13 +45,15 @@ def load_array(path: PathLike) -> NDArray[Any]:
     except FileFormatError:
         raise
     except _DAMAGE as error:
-        raise FileFormatError(f"{file}: this is not a whole .npy or .npz file of numbers ({error}).") from error
+        raise FileFormatError(f"{file}: this is not a complete .npy or .npz file of numbers ({error}).") from error
     if array.dtype.kind not in "fiu":
         raise FileFormatError(f"{path}: an array of real numbers was needed, got {array.dtype}.")
     wrong = np.argwhere(~np.isfinite(array))
     if len(wrong):
         where = tuple(int(index) for index in wrong[0])
-        raise FileFormatError(f"{path}: {len(wrong)} values are not finite, the first at {where}; mend or mask them.")
+        raise FileFormatError(
+            f"{path}: {len(wrong)} values are not finite, the first at {where}; correct or mask them."
+        )
     return array
 
 

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Files that are either complete or absent."""
 
 import errno
 import os
@@ -23,7 +23,7 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
     file that it names is replaced.
 
     Args:
-        path: Where the file shall be.
+        path: File to write.
 
     Yields:
         The path to write to.
@@ -49,7 +49,7 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         if isinstance(error, Exception) and _error_number(error) in _NO_ROOM:
-            full = OSError(f"{path} was not written: no room is left on the disk or within the limits set to you.")
+            full = OSError(f"{path} was not written: the disk is full, or a limit is reached.")
             full.errno = _error_number(error)
             raise full from error
         raise

@@ -49,18 +49,18 @@ def scan_from_catsim(
         signal: "raw" takes .scan, .air and, if it is there, .offset; "prep" takes the line integrals of
             .prep, that CatSim has corrected for low signals (and smoothed there), and .air for the incident
             quanta.
-        detector_row: Number of the row, the lowest is 0; None takes the middle one.
+        detector_row: Index of the row, the lowest is 0; None takes the middle one.
         kev_per_quantum: Energy that counts as one quantum, keV.
         incident: Quanta per ray without an object, instead of those of the air scan.
         mu_water: Attenuation of water at the scan's effective energy, 1/mm.
-        beam_hardening: File of numpy with coefficients (columns, order + 1), highest power first.
+        beam_hardening: NumPy file of coefficients (columns, order + 1), highest power first.
 
     Returns:
         The scan, in quanta, float32.
 
     Raises:
         OSError: If a file is not there or cannot be read.
-        FileFormatError: If a file is not whole, or the configuration not complete or not one of those above.
+        FileFormatError: If a file is incomplete, or the configuration not complete or not one of those above.
         ValueError: If a number is out of range.
     """
     if not (math.isfinite(kev_per_quantum) and kev_per_quantum > 0):
@@ -88,11 +88,11 @@ def scan_from_catsim(
 
 
 def _chosen_row(main: Path, detector_row: int | None, settings: CatSimSettings) -> tuple[int, int]:
-    """Number of the row to read, and how many there are; if that is not configured the size tells."""
+    """Index of the row to read, and how many there are; if that is not configured the size tells."""
     views, bins = settings.geometry.shape
     rows = settings.rows or existing_file(main).stat().st_size // (4 * views * bins)
     if rows < 1:
-        raise FileFormatError(f"{main} is cut short: it does not even hold one row of {views} views x {bins} columns.")
+        raise FileFormatError(f"{main} is truncated: it does not even hold one row of {views} views x {bins} columns.")
     row = rows // 2 if detector_row is None else detector_row
     if not 0 <= row < rows:
         raise ValueError(f"The detector has the rows 0 to {rows - 1}, but row {row} was asked for.")
@@ -123,7 +123,7 @@ def _raw_row(path: Path, shape: tuple[int | None, int], row: int, rows: int) -> 
         wanted = f"a multiple of {view_size}" if views is None else f"{views} times {view_size}"
         raise FileFormatError(
             f"{path} has {size} bytes, but {wanted} was needed ({rows} rows x {bins} columns a view); "
-            "it is cut short or of another configuration."
+            "it is truncated or of another configuration."
         )
     values = np.fromfile(path, dtype="<f4").reshape(-1, rows, bins)[:, row].astype(np.float64)
     if not np.isfinite(values).all():

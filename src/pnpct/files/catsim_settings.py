@@ -156,7 +156,7 @@ def _focal_spot_shifts(values: dict[str, Any], names: str, view_numbers: range) 
 def _number(values: dict[str, Any], key: str, names: str) -> float:
     if key not in values:
         raise FileFormatError(
-            f"{names}: {key} is missing; add the file that sets it, be it one of CatSim's own folder cfg."
+            f"{names}: {key} is missing; add the file that sets it, or one of CatSim's own folder cfg."
         )
     value = values[key]
     if isinstance(value, Unreadable):

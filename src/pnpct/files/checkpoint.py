@@ -1,4 +1,4 @@
-"""Trained networks on disk: <name>.safetensors holds the numbers, <name>.safetensors.json says what they are.
+"""Trained networks on disk: <name>.safetensors holds the weights, <name>.safetensors.json describes them.
 
 Neither file holds code: whatever is in them, reading them runs nothing.
 """
@@ -29,27 +29,27 @@ FORMAT_VERSION = 1
 SUFFIX = ".safetensors"
 ARCHITECTURES = ("rdn-cbam", "red-cnn")
 NORMALISATION = "HU/1000"
-"""What the networks see: HU / 1000, made inside them of the image relative to water."""
+"""What the networks are given: HU / 1000, computed inside them from the image relative to water."""
 UNITS = "attenuation relative to water (air 0, water 1; HU = 1000 (image - 1))"
 ABOUT = ("command", "licence", "manifest_sha256", "metrics", "seed")
-"""What must be said about a network: the command line, the licence, the SHA-256 of the manifest of the training data,
-figures of merit and the seed; each may be None where there is none."""
+"""What must be recorded about a network: the command line, the licence, the SHA-256 of the manifest of the training
+data, figures of merit and the seed; each may be None where there is none."""
 
 
 def save_network(path: PathLike, network: nn.Module, *, about: Mapping[str, Any]) -> None:
-    """Write a network, and beside it what it is.
+    """Write a network, and its description beside it.
 
-    The same network with the same words about it makes the same bytes. Should the machine stop between the renaming
-    of the two files, their fingerprints do not match and `load_network` refuses them.
+    The same network and description give the same bytes. If the machine stops between the renaming of the two
+    files, their fingerprints do not match and `load_network` refuses them.
 
     Args:
-        path: Where the numbers shall be, .safetensors; older files are replaced.
-        network: An `RDNCBAM` or a `REDCNN`; its parameters are kept as float32.
+        path: File for the weights, .safetensors; existing files are replaced.
+        network: An `RDNCBAM` or a `REDCNN`; its parameters are stored as float32.
         about: Plain values by name, those of `ABOUT` among them.
 
     Raises:
         OSError: If a file cannot be written.
-        ValueError: If the suffix is another, the network is of another kind or has parameters that are not finite,
+        ValueError: If the suffix is wrong, the network is of another kind or has parameters that are not finite,
             or `about` lacks something or cannot be written as JSON.
 
     Example:
@@ -94,16 +94,16 @@ def load_network(path: PathLike) -> nn.Module:
         path: The .safetensors file.
 
     Returns:
-        The network, on the processor, in the state of training.
+        The network, on the CPU, in training mode.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If what it is stands nowhere, or does not match the numbers or this version of pnpct.
+        FileFormatError: If its description is missing, or does not match the weights or this version of pnpct.
     """
     path = existing_file(path)
     sidecar = _sidecar(path)
     if not sidecar.is_file():
-        raise FileFormatError(f"{path} comes without {sidecar.name}, which says what network it is; copy both files.")
+        raise FileFormatError(f"{path} comes without {sidecar.name}, which describes the network; copy both files.")
     content = _read_sidecar(sidecar)
     network = _build(sidecar, content)
     numbers = path.read_bytes()
@@ -112,7 +112,7 @@ def load_network(path: PathLike) -> nn.Module:
     try:
         tensors = {name: tensor.clone() for name, tensor in load(numbers).items()}
     except (SafetensorError, KeyError, ValueError) as error:
-        raise FileFormatError(f"{path} is not a whole {SUFFIX} file; copy it again.") from error
+        raise FileFormatError(f"{path} is not a complete {SUFFIX} file; copy it again.") from error
     _check_tensors(path, tensors, network.state_dict())
     network.load_state_dict(tensors, assign=True)
     return network
@@ -123,10 +123,10 @@ def _sidecar(path: Path) -> Path:
 
 
 def _describe(network: nn.Module) -> dict[str, Any]:
-    # What inherits from these may compute something else with the same numbers.
+    # A subclass may compute something else with the same weights.
     if type(network) is RDNCBAM:
-        told: dict[str, Any] = {"noise_input": network.noise_input, "attention": network.attention}
-        return {"architecture": "rdn-cbam", "size": asdict(network.size), **told}
+        described: dict[str, Any] = {"noise_input": network.noise_input, "attention": network.attention}
+        return {"architecture": "rdn-cbam", "size": asdict(network.size), **described}
     if type(network) is REDCNN:
         return {
             "architecture": "red-cnn",
@@ -139,14 +139,14 @@ def _describe(network: nn.Module) -> dict[str, Any]:
 
 def _plain(about: Mapping[str, Any]) -> dict[str, Any]:
     if missing := [name for name in ABOUT if name not in about]:
-        raise ValueError(f"What is said about a network must name {', '.join(ABOUT)}; {_first_of(missing)} came not.")
+        raise ValueError(f"The description of a network must name {', '.join(ABOUT)}; {_first_of(missing)} is missing.")
     digest = about["manifest_sha256"]
     if digest is not None and not (isinstance(digest, str) and re.fullmatch(r"[0-9a-f]{64}", digest)):
         raise ValueError(f"manifest_sha256 must be a SHA-256 in hexadecimal or None, got {digest!r}.")
     try:
         plain: dict[str, Any] = json.loads(json.dumps(dict(about), sort_keys=True, allow_nan=False))
     except (TypeError, ValueError) as error:
-        raise ValueError(f"What is said about a network must be plain, finite values: {error}.") from error
+        raise ValueError(f"The description of a network must be plain, finite values: {error}.") from error
     return plain
 
 
@@ -166,7 +166,7 @@ def _read_sidecar(sidecar: Path) -> dict[str, Any]:
 
 
 def _build(sidecar: Path, content: Mapping[str, Any]) -> nn.Module:
-    """A network without numbers, which takes neither memory nor random numbers."""
+    """A network without weights, which takes neither memory nor random numbers."""
     architecture, size = content.get("architecture"), content.get("size")
     if architecture not in ARCHITECTURES:
         known = " and ".join(ARCHITECTURES)
@@ -183,7 +183,7 @@ def _build(sidecar: Path, content: Mapping[str, Any]) -> nn.Module:
             return RDNCBAM(RDNSize(**size), noise_input=noise_input, attention=attention)
     except (KeyError, RuntimeError, TypeError, ValueError) as error:
         reason = " ".join(str(error).split()).rstrip(".")
-        raise FileFormatError(f"{sidecar} does not describe a whole {architecture} network: {reason}.") from error
+        raise FileFormatError(f"{sidecar} does not describe a complete {architecture} network: {reason}.") from error
 
 
 def _check_tensors(path: Path, found: Mapping[str, Tensor], needed: Mapping[str, Tensor]) -> None:

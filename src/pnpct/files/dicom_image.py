@@ -85,7 +85,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class CTSlice:
-    """One image, not read but for its header.
+    """One image, of which only the header is read.
 
     Args:
         path: Its file.
@@ -133,7 +133,7 @@ def read_image_header(path: Path) -> FileDataset | None:
         FileFormatError: If it is damaged, or not DICOM though its name ends like that of one.
     """
     try:
-        # The pixels are not read, but that they begin tells that the header is whole.
+        # The pixels are not read, but that they begin shows that the header is complete.
         header = dcmread(path, defer_size=_DEFERRED_BYTES, specific_tags=[*_TAGS, "PixelData"])
         storage = header.file_meta.get("MediaStorageSOPClassUID")
         if "PixelData" not in header:
@@ -145,7 +145,7 @@ def read_image_header(path: Path) -> FileDataset | None:
             header.get(name)  # decoded now, where damage is expected
     except InvalidDicomError as error:
         if path.suffix.lower() in _NAMES_OF_DICOM:
-            raise FileFormatError(f"{path} is no whole DICOM file, though its name says so.") from error
+            raise FileFormatError(f"{path} is not a complete DICOM file, though its name says so.") from error
         return None
     except _DAMAGE as error:
         raise _broken(path, error) from error
@@ -161,7 +161,7 @@ def values_of(header: FileDataset, name: str) -> list[Any]:
 
 
 def slice_of(path: Path, header: FileDataset) -> CTSlice:
-    """Understand the header of an image.
+    """Interpret the header of an image.
 
     Args:
         path: The file.
@@ -243,4 +243,4 @@ def _broken(path: Path, error: Exception) -> Exception:
     if isinstance(error, OSError) and error.errno is not None:
         return error  # nothing is known about the content
     reason = " ".join(str(error).split()).rstrip(".")
-    return FileFormatError(f"{path}: this is no whole DICOM image ({reason}).")
+    return FileFormatError(f"{path}: this is not a complete DICOM image ({reason}).")

@@ -21,7 +21,7 @@ def read_dicom_series(folder: PathLike, *, series_uid: str | None = None) -> Ima
     position, whatever the files are called. Images are turned so that the patient's front is at the top and
     the left side at +x, also of patients who lay on the front or on a side; positions are those of the file, in
     the coordinates of the patient (our y is to the front, DICOM's to the back). The description is made of body
-    part, scanner, kernel and voltage; nothing that could name the patient is kept. Compressed images are read
+    part, scanner, kernel and voltage; nothing that could identify the patient is stored. Compressed images are read
     as far as the installed decoders go. Enhanced (multi-frame) CT objects are not read.
 
     Args:

@@ -7,7 +7,7 @@
     /120 kVp/beam_hardening         coefficients, bins x powers, highest power first
     /120 kVp/truth                  the object at the effective energy, where it is known, with its grid
 
-Each voltage has the attributes mu_water_per_mm and electronic_noise. S1 and S2 keep 13 bits after the leading one:
+Each voltage has the attributes mu_water_per_mm and electronic_noise. S1 and S2 have 13 bits after the leading one:
 that is 6e-5 of their value, far below the noise of any scan, and makes the files half as large.
 """
 
@@ -66,7 +66,7 @@ def write_exposures(
     """Write the exposures of one slice.
 
     Args:
-        path: Where the file shall be; an older one is replaced.
+        path: File to write; an existing one is replaced.
         slices: By tube voltage in kVp, all with one geometry.
         provenance: How they were made.
         description: What a reader should know, in words.
@@ -98,7 +98,7 @@ def read_exposure(path: PathLike, *, tube_voltage_kvp: float = 120.0) -> Exposed
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not a whole file of exposures, or has none at this voltage.
+        FileFormatError: If it is not a complete file of exposures, or has none at this voltage.
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
         voltages = [name for name in file if name.endswith(" kVp")]
@@ -138,5 +138,5 @@ def _rounded(values: Tensor) -> Tensor:
     """Round float32 to fewer bits, which compress better."""
     dropped = 23 - _KEPT_BITS
     bits = values.detach().cpu().float().numpy().view(np.uint32)
-    kept = (bits + np.uint32(1 << (dropped - 1))) >> np.uint32(dropped) << np.uint32(dropped)
-    return torch.from_numpy(kept.view(np.float32))
+    rounded = (bits + np.uint32(1 << (dropped - 1))) >> np.uint32(dropped) << np.uint32(dropped)
+    return torch.from_numpy(rounded.view(np.float32))

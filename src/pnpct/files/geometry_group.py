@@ -1,4 +1,4 @@
-"""Geometries in our HDF5 files: of a fan beam, or with detector_rows among the attributes of a cone beam."""
+"""Geometries in pnpct's HDF5 files: of a fan beam, or with detector_rows among the attributes of a cone beam."""
 
 from collections.abc import Sequence
 from typing import Literal

@@ -1,4 +1,4 @@
-"""Fan-beam geometries that people write by hand, in JSON.
+"""Fan-beam geometries written by hand, in JSON.
 
 The schema (lengths in mm; what has a default may be left out; a "comment" may be added):
 
@@ -9,13 +9,13 @@ The schema (lengths in mm; what has a default may be left out; a "comment" may b
     detector                    "arc" (default, centred on the focal spot) or "flat"
     detector_offset_bins        shift of the cells towards growing fan angle, default 0
     bin_direction               1 (default): the array's bins run towards growing fan angle; -1: they run the
-                                other way and are turned round on reading (only the arrays are: offset and
+                                other way and are reversed on reading (only the arrays are: offset and
                                 shifts are always counted towards growing fan angle)
     focal_spot_shifts_mm        per view [towards growing fan angle, away from the isocentre]; default none
 
 The view angles, in one of three ways, and what they mean:
 
-    view_angles_deg             a list, or the name of a file of numpy beside the JSON: "scan.npz:angles"
+    view_angles_deg             a list, or the name of a NumPy file beside the JSON: "scan.npz:angles"
     view_angles_rad             the same in rad
     views, start_deg, span_deg  number of even steps; start_deg is 0 and span_deg 360 by default
     source_at_zero_angle        where the focal spot is at angle 0, x to the right and y up: "+y" (default),
@@ -62,7 +62,7 @@ class WrittenGeometry:
 
     Args:
         geometry: The geometry in our conventions.
-        bins_reversed: Whether the array's bins run towards falling fan angle and have to be turned round.
+        bins_reversed: Whether the array's bins run towards falling fan angle and have to be reversed.
     """
 
     geometry: FanBeam

@@ -1,4 +1,4 @@
-"""What all our HDF5 files share: how they are made, opened, checked and described."""
+"""What all pnpct's HDF5 files share: how they are made, opened, checked and described."""
 
 import secrets
 from collections.abc import Iterator, Sequence
@@ -36,7 +36,7 @@ def new_hdf5(path: PathLike, *, file_format: str, provenance: Provenance, descri
     fills up under it. The memory needed is twice the size of the compressed file.
 
     Args:
-        path: Where the file shall be.
+        path: File to write.
         file_format: What the file is, such as "pnpct-scan".
         provenance: How the content was made.
         description: What a reader should know of the content, in words.
@@ -59,18 +59,18 @@ def new_hdf5(path: PathLike, *, file_format: str, provenance: Provenance, descri
 
 @contextmanager
 def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
-    """Open one of our HDF5 files for reading; whatever is wrong with its content becomes one sentence.
+    """Open one of pnpct's HDF5 files for reading; whatever is wrong with its content becomes one sentence.
 
     Args:
         path: The file.
-        formats: The formats that will do; all of them if it is empty.
+        formats: The accepted formats; all of them if it is empty.
 
     Yields:
         The open file.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If the content is not whole, of another format or of a newer version, or leads to another file.
+        FileFormatError: If the content is incomplete, of another format or of a newer version, or leads to another file.
     """
     path = existing_file(path)
     with path.open("rb"):
@@ -91,7 +91,7 @@ def _check_format(file: h5py.File, formats: Sequence[str]) -> None:
     if not isinstance(found, str) or not isinstance(number, np.integer):
         raise FileFormatError("an HDF5 file, but not one of pnpct's (no root attributes format and format_version).")
     if formats and found not in formats:
-        raise FileFormatError(f'a file of the format "{found}" came where "{" or ".join(formats)}" was needed.')
+        raise FileFormatError(f'a file of the format "{found}" was given where "{" or ".join(formats)}" was needed.')
     if number > FORMAT_VERSION:
         raise FileFormatError(
             f"its format version {number} is newer than the {FORMAT_VERSION} known here; update pnpct."
@@ -105,11 +105,11 @@ def _what_is_wrong(error: Exception) -> str:
     if isinstance(error, BlockingIOError):
         return "this file is being written by another program; wait until that is done."
     if "truncated file" in text or "eof" in text.lower():
-        return "this file is cut short; copy it again or make it anew."
+        return "this file is truncated; copy it again or create it again."
     if isinstance(error, KeyError):
-        return f"something is missing in this file ({text}); make it anew."
+        return f"something is missing in this file ({text}); create it again."
     if not isinstance(error, ValueError) or isinstance(error, UnicodeError):
-        return f"this file is damaged ({text}); copy it again or make it anew."
+        return f"this file is damaged ({text}); copy it again or create it again."
     return text
 
 
@@ -134,21 +134,21 @@ def read_array(group: h5py.Group, name: str) -> Float[Tensor, "..."]:
     """
     dataset = group.get(name)
     if not isinstance(dataset, h5py.Dataset):
-        raise FileFormatError(f"the dataset {group.name.rstrip('/')}/{name} is missing in this file; make it anew.")
+        raise FileFormatError(f"the dataset {group.name.rstrip('/')}/{name} is missing in this file; create it again.")
     if dataset.dtype.kind not in "fiu":
         raise FileFormatError(f"{dataset.name} must hold numbers, but it holds {dataset.dtype}.")
     if dataset.shape is None or not dataset.size:
-        raise FileFormatError(f"{dataset.name} is empty; make the file anew.")
+        raise FileFormatError(f"{dataset.name} is empty; create the file again.")
     stored = dataset.id.get_storage_size()
     if dataset.nbytes > _LARGEST_RATIO * stored + _CHUNK_BYTES:
         raise FileFormatError(
             f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
-            "of it; make the file anew."
+            "of it; create the file again."
         )
     values = torch.from_numpy(np.asarray(dataset[()]))
     values = values if values.is_floating_point() else values.double()
     if not values.isfinite().all():
-        raise FileFormatError(f"{dataset.name} holds values that are not finite; make the file anew.")
+        raise FileFormatError(f"{dataset.name} holds values that are not finite; create the file again.")
     return values
 
 
@@ -192,7 +192,7 @@ def text_of(item: h5py.Group | h5py.Dataset, name: str) -> str:
 
 def _attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     if name not in item.attrs:
-        raise FileFormatError(f"the attribute {name} of {item.name} is missing in this file; make it anew.")
+        raise FileFormatError(f"the attribute {name} of {item.name} is missing in this file; create it again.")
     return item.attrs[name]
 
 
@@ -204,7 +204,7 @@ def group_of(file: h5py.Group, name: str) -> h5py.Group:
     """
     group = file.get(name)
     if not isinstance(group, h5py.Group):
-        raise FileFormatError(f"the group {file.name.rstrip('/')}/{name} is missing in this file; make it anew.")
+        raise FileFormatError(f"the group {file.name.rstrip('/')}/{name} is missing in this file; create it again.")
     return group
 
 
@@ -243,7 +243,7 @@ def read_image_dataset(group: h5py.Group) -> tuple[Image | Volume, Grid]:
 
 
 def describe_file(path: PathLike) -> dict[str, Any]:
-    """Tell what one of our HDF5 files holds, without loading its arrays.
+    """Describe what one of pnpct's HDF5 files holds, without loading its arrays.
 
     Returns:
         Plain values: "format", "format_version", "description", "provenance" (as a dictionary), "arrays"

@@ -1,4 +1,4 @@
-"""Images and volumes on disk: HDF5 to go on with, NIfTI for viewers, PNG to look at.
+"""Images and volumes on disk: HDF5 for further processing, NIfTI for viewers, PNG to look at.
 
 HDF5 holds attenuation relative to water; NIfTI and PNG show HU. In NIfTI the object lies as a patient does on
 the back, head first, seen from the feet: our x grows towards the patient's left, our y towards the front.
@@ -43,12 +43,12 @@ def write_image(
 ) -> None:
     """Write an image or a volume in the format that the suffix names.
 
-    .h5 keeps it relative to water as float32, with any batch. .nii and .nii.gz keep the HU of one image or one
+    .h5 stores it relative to water as float32, with any batch. .nii and .nii.gz store the HU of one image or one
     volume as float32, slices along the third axis. .png shows HU through a window in 256 greys, slices (or a
     batch of images) side by side. The provenance is in each of them.
 
     Args:
-        path: Where the file shall be: .h5, .nii, .nii.gz or .png; an older one is replaced.
+        path: File to write, .h5, .nii, .nii.gz or .png; an existing one is replaced.
         image: The image or volume, relative to water.
         grid: Where its pixels are.
         provenance: How it was made; if None, by the program that is running.
@@ -92,7 +92,7 @@ def read_image(path: PathLike) -> tuple[Image | Volume, Grid]:
     Raises:
         OSError: If there is no such file or it cannot be read.
         ValueError: If the suffix is another.
-        FileFormatError: If the content is not whole or not an image.
+        FileFormatError: If the content is incomplete or not an image.
     """
     suffix = _suffix(path)
     if suffix == ".png":
@@ -108,7 +108,7 @@ def _suffix(path: PathLike) -> str:
     for suffix in (".h5", ".nii", ".nii.gz", ".png"):
         if name.endswith(suffix):
             return suffix
-    raise ValueError(f"Images are kept as .h5, .nii, .nii.gz or .png, got {Path(path).name}.")
+    raise ValueError(f"Images are stored as .h5, .nii, .nii.gz or .png, got {Path(path).name}.")
 
 
 def _hu_array(image: Image | Volume) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -136,7 +136,7 @@ def _write_nifti(path: PathLike, image: Image | Volume, grid: Grid, provenance: 
     affine[:2, 3] = -plane.x[-1], plane.y[-1]
     if isinstance(grid, VolumeGrid):
         affine[2, 2:] = grid.slice_spacing, grid.heights[0]
-    new: Any = nib.Nifti1Image  # nibabel says no types here
+    new: Any = nib.Nifti1Image  # nibabel has no types here
     nifti = new(voxels if isinstance(grid, VolumeGrid) else voxels[..., 0], affine)
     nifti.set_sform(affine, code="scanner")
     nifti.set_qform(affine, code="scanner")
@@ -154,7 +154,7 @@ def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
         voxels, affine, axes = _canonical(path)
     except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
         reason = " ".join(str(error).split())
-        raise FileFormatError(f"{path}: this is not a whole NIfTI file ({reason}).") from error
+        raise FileFormatError(f"{path}: this is not a complete NIfTI file ({reason}).") from error
     if voxels.ndim != 3 or not np.isfinite(voxels).all():
         raise FileFormatError(f"{path}: finite HU along two or three axes were needed, got the shape {voxels.shape}.")
     directions = affine[:3, :3]
@@ -178,7 +178,7 @@ def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64]
 
     More axes than three, where they are not of one time, come as they are.
     """
-    nib_: Any = nib  # which says no types here
+    nib_: Any = nib  # which has no types here
     nifti = nib_.load(path)
     voxels, affine = np.asarray(nifti.dataobj, dtype=np.float64), np.array(nifti.affine, dtype=np.float64)
     if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:

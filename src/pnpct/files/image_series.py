@@ -15,22 +15,22 @@ from pnpct.geometry import ImageGrid, VolumeGrid
 
 AIR_HU = -1000
 LOWEST_HU = -1024
-"""The lowest number that scanners give to tissue or air; what is lower marks pixels that were not imaged."""
+"""The lowest number that scanners give to tissue or air; lower values stand for pixels that were not imaged."""
 _UNEVEN = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class ImageSeries:
-    """Axial CT images of one patient, lying as all images here do: front at the top, patient's left at +x.
+    """Axial CT images of one patient, oriented as all images here: front at the top, patient's left at +x.
 
-    It holds nobody's name, number or dates.
+    It holds no name, number or date of a patient.
 
     Args:
         image_hu: HU, slices from the feet to the head; pixels that were not imaged are air, -1000 HU.
-        plane: Where the pixels are, as the file says; (0, 0) is the middle where it does not.
+        plane: Where the pixels are, as in the file; (0, 0) is the centre if it has none.
         z: Heights of the slices, mm, growing towards the head; evenly spaced within 20 %.
         description: Where the images come from, in words: scanner, kernel, voltage.
-        slice_thickness: What the file says of it, mm; None if nothing. It is the spacing of a single slice.
+        slice_thickness: As in the file, mm; None if it has none. It is the spacing of a single slice.
 
     Raises:
         ValueError: If the sizes do not fit together, a value is not finite, or the heights do not grow or
@@ -109,9 +109,9 @@ def check_heights(z: Sequence[float]) -> None:
 def read_volume(
     path: PathLike, *, pixel_spacing: float | None = None, slice_spacing: float | None = None
 ) -> ImageSeries:
-    """Read a CT volume in HU from a file of numpy.
+    """Read a CT volume in HU from a NumPy file.
 
-    A .npz file may say all itself: hu, [slices, rows, cols]; z_mm, the height of each slice; spacing_mm, the
+    A .npz file may hold everything: hu, [slices, rows, cols]; z_mm, the height of each slice; spacing_mm, the
     distance between rows and between columns. Any other array, in a .npy file or as a member of a .npz file
     ("scan.npz:volume"), needs both spacings; the middle of such a volume is at z = 0. Row 0 must be the
     patient's front and column 0 the right side, in every file; slices may come in either order only where
@@ -119,8 +119,8 @@ def read_volume(
 
     Args:
         path: The file.
-        pixel_spacing: Distance between pixel centres, mm, > 0, where the file does not say it.
-        slice_spacing: Distance between slices, mm, > 0, where the file does not say it.
+        pixel_spacing: Distance between pixel centres, mm, > 0, where the file does not give it.
+        slice_spacing: Distance between slices, mm, > 0, where the file does not give it.
 
     Returns:
         The series; HU below -1024 have become air. Integers in the range of int16 stay such, all else is
@@ -128,7 +128,7 @@ def read_volume(
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not a whole file of numpy, an array is missing or not clear, or it holds no
+        FileFormatError: If it is not a complete NumPy file, an array is missing or not clear, or it holds no
             CT volume.
         ValueError: If a spacing is needed and not given, or not positive.
     """
@@ -161,7 +161,7 @@ def tidy_hu(values: NDArray[Any]) -> NDArray[np.int16] | NDArray[np.float32]:
 
 def _read_described(path: PathLike) -> ImageSeries:
     if not str(path).endswith(".npz"):
-        raise ValueError(f"{path} does not say its spacings; give pixel_spacing and slice_spacing in mm.")
+        raise ValueError(f"{path} has no spacings; give pixel_spacing and slice_spacing in mm.")
     try:
         volume, z, spacing = (load_array(f"{path}:{name}") for name in ("hu", "z_mm", "spacing_mm"))
     except FileFormatError as error:
@@ -198,6 +198,6 @@ def _series(
     try:
         plane = ImageGrid(volume.shape[1], volume.shape[2], float(pixel_spacing))
         heights = tuple(z.astype(np.float64).tolist())
-        return ImageSeries(tidy_hu(volume), plane, heights, "CT volume from a file of numpy", slice_thickness)
+        return ImageSeries(tidy_hu(volume), plane, heights, "CT volume from a NumPy file", slice_thickness)
     except ValueError as error:
         raise FileFormatError(f"{path}: {error}") from error

@@ -31,7 +31,7 @@ def scan_from_arrays(
 ) -> Scan:
     """Make a scan of measured counts or line integrals and a geometry written in JSON.
 
-    Line integrals p become the counts incident · exp(−p). Arrays come from memory or from .npy and .npz
+    Line integrals p become counts, incident · exp(−p). Arrays come from memory or from .npy and .npz
     files, a member of the latter chosen as in "scan.npz:counts".
 
     Args:
@@ -44,7 +44,7 @@ def scan_from_arrays(
         mu_water: Attenuation of water at the scan's effective energy, 1/mm.
         beam_hardening: Coefficients (bins, order + 1), in the array's order of bins, highest power first,
             that turn line integrals into those at the energy of `mu_water`; None if they are so already.
-        signal_per_quantum: What one quantum adds to the counts and to `incident`; 1 if these are in quanta.
+        signal_per_quantum: Signal of one quantum, in the unit of the counts and `incident`; 1 if these are in quanta.
             For an energy-integrating detector it is ⟨E²⟩/⟨E⟩ of the spectrum detected without an object.
 
     Returns:
@@ -52,7 +52,7 @@ def scan_from_arrays(
 
     Raises:
         OSError: If a file is not there or cannot be read.
-        FileFormatError: If a file is not whole or not what it should be; wrong keys are named.
+        FileFormatError: If a file is incomplete or not what it should be; wrong keys are named.
         ValueError: If shapes do not fit, or values are not finite or out of range.
 
     Example:
@@ -81,11 +81,11 @@ def scan_from_arrays(
 
 
 def correction_of(coefficients: PathLike | Array | None, *, bins_reversed: bool = False) -> BeamHardening | None:
-    """Make a beam-hardening correction of an array or a file of numpy; None stays None.
+    """Make a beam-hardening correction of an array or a NumPy file; None stays None.
 
     Args:
         coefficients: (bins, order + 1), or (1, order + 1) for all bins; highest power first.
-        bins_reversed: Whether to turn the order of the bins round.
+        bins_reversed: Whether to reverse the order of the bins.
 
     Raises:
         OSError: If a file is not there or cannot be read.
@@ -103,7 +103,7 @@ def counts_of(line_integrals: Array, incident: Array, *, name: str) -> Array:
     Args:
         line_integrals: p, dimensionless.
         incident: Counts without an object, quanta; broadcasts to the line integrals.
-        name: What the line integrals are called in an error.
+        name: Name of the line integrals in errors.
 
     Raises:
         ValueError: If these cannot be line integrals.
@@ -111,7 +111,7 @@ def counts_of(line_integrals: Array, incident: Array, *, name: str) -> Array:
     largest = float(np.abs(line_integrals).max(initial=0.0))
     if largest > _LARGEST_LINE_INTEGRAL:
         raise ValueError(
-            f"{name} holds values as large as {largest:.6g}, no line integral; if these are counts, say so."
+            f"{name} holds values as large as {largest:.6g}, no line integral; if these are counts, set kind to counts."
         )
     return np.asarray(incident * np.exp(-line_integrals.astype(np.float64)))
 
@@ -131,7 +131,7 @@ def _loaded(array: PathLike | Array) -> NDArray[np.float64]:
 
 def _check_shape(shape: tuple[int, ...], needed: tuple[int, int], name: str) -> None:
     if shape[-2:] != needed:
-        advice = "transpose it" if shape == needed[::-1] else "mend one of them"
+        advice = "transpose it" if shape == needed[::-1] else "correct one of them"
         raise ValueError(
             f"{name} has the shape {shape}, but the geometry has {needed[0]} views and {needed[1]} bins; {advice}."
         )

@@ -1,4 +1,4 @@
-"""The manifest of a data set: which scans it has, of whom, for what, in which files."""
+"""The manifest of a data set: its scans, their patients, splits and files."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,8 @@ class ListedScan:
     Args:
         name: Of the scan.
         source: An anatomy, or the path of the body that was scanned.
-        patient: Number of the patient among those of its source.
-        split: What its patient is for.
+        patient: Index of the patient among those of its source.
+        split: Training, validation or test, by patient.
         z_mm: Height of each detector row's slice, mm.
         files: SHA-256 of the file of exposures of each row, by its path in the data set.
     """
@@ -51,7 +51,7 @@ class Manifest:
     scans: Sequence[ListedScan]
 
     def files(self, split: Split) -> tuple[str, ...]:
-        """Return the paths in the data set of all slices for one purpose."""
+        """Return the paths in the data set of all slices of one split."""
         return tuple(name for scan in self.scans if scan.split == split for name in scan.files)
 
 
@@ -84,9 +84,9 @@ def read_manifest(folder: Path) -> Manifest:
         scans = [ListedScan(**scan) for scan in content["scans"]]
         recipe = content["recipe"]
     except (KeyError, TypeError) as error:
-        raise FileFormatError(f"{path} is not the whole manifest of a data set.") from error
+        raise FileFormatError(f"{path} is not the complete manifest of a data set.") from error
     if not isinstance(recipe, dict) or not all(_plausible(scan) for scan in scans):
-        raise FileFormatError(f"{path} is not the whole manifest of a data set.")
+        raise FileFormatError(f"{path} is not the complete manifest of a data set.")
     try:
         for name in (name for scan in scans for name in scan.files):
             file_beside(folder, name)

@@ -15,7 +15,7 @@ from pnpct.files.errors import PathLike
 from pnpct.files.provenance import sha256_of
 
 DEFAULT_DENOISER = "n2n"
-"""The network that was trained in two stages: what this package is for."""
+"""The network that was trained in two stages."""
 
 WEIGHTS = Path(str(files("pnpct.denoisers"))) / "weights"
 """Folder of the networks that come with the package."""
@@ -37,13 +37,13 @@ def load_denoiser(
         strength: How much a classical denoiser smooths, in its own unit; its usual strength if None.
         noise_level_hu: Standard deviation of the noise, HU, for noise-conditioned networks, and only for these.
         passes: How often a network is applied, 1 to 4; once if None.
-        bfloat16: Let a network compute with fewer digits; see `LearnedDenoiser`.
+        bfloat16: Let a network compute in bfloat16; see `LearnedDenoiser`.
         device: Where a network computes.
 
     Raises:
         OSError: If a network cannot be read.
         FileFormatError: As `load_network`.
-        ValueError: If there is no such denoiser, an option has no effect on it or is out of its range, or a
+        ValueError: If there is no such denoiser, an option has no effect on it or is out of range, or a
             noise-conditioned network lacks the noise level.
     """
     if name in DENOISERS:
@@ -54,7 +54,9 @@ def load_denoiser(
     _check_unused({"strength": strength}, f"the network {path.stem}, only on classical denoisers")
     network = load_network(path).to(device)
     if is_noise_conditioned(network) and noise_level_hu is None:
-        raise ValueError(f"{path.name} is noise-conditioned: give noise_level_hu, the s.d. of the noise in HU.")
+        raise ValueError(
+            f"{path.name} is noise-conditioned: give noise_level_hu, the standard deviation of the noise in HU."
+        )
     if noise_level_hu is not None and not 0 <= noise_level_hu < math.inf:
         raise ValueError(f"noise_level_hu is a standard deviation in HU from 0 up, got {noise_level_hu:g}.")
     return LearnedDenoiser(

@@ -12,7 +12,7 @@ from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import PathLike
 
 _EXAMPLE = (2, 33, 38)
-"""Of no consequence: batch, rows and columns stay free. They differ, so that none is taken for another."""
+"""Arbitrary: batch, rows and columns stay free. They differ, so that none is taken for another."""
 
 
 def export_onnx(network: nn.Module, path: PathLike) -> None:
@@ -20,11 +20,11 @@ def export_onnx(network: nn.Module, path: PathLike) -> None:
 
     The input "image" and the output "denoised" are float32 [batch, rows, cols], relative to water, of any size that
     the network takes; noise-conditioned networks have the second input "noise_level", of the shape of
-    the image. Nothing else is in the file: what it was trained with is said beside the .safetensors file.
+    the image. Nothing else is in the file: how it was trained is recorded beside the .safetensors file.
 
     Args:
-        network: An `RDNCBAM` or a `REDCNN`, on the processor, in float32.
-        path: Where the file shall be, .onnx; an older one is replaced.
+        network: An `RDNCBAM` or a `REDCNN`, on the CPU, in float32.
+        path: File to write, .onnx; an existing one is replaced.
 
     Raises:
         OSError: If the file cannot be written.
@@ -59,7 +59,7 @@ def export_onnx(network: nn.Module, path: PathLike) -> None:
 
 
 def _tidy(exported: Any) -> Any:
-    """The same without PyTorch's notes, which name folders of this machine, and with words for the free sizes."""
+    """The same without PyTorch's notes, which name folders of this machine, and with names for the free sizes."""
     for graph in (exported.graph, *exported.functions):
         for item in (graph, *graph.node, *graph.value_info):
             del item.metadata_props[:]

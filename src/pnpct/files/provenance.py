@@ -25,7 +25,7 @@ class Provenance:
         version: Version of pnpct.
         seed: Seed of the random numbers, None if there were none.
         inputs: SHA-256 of each input file, in hexadecimal, by the file's name.
-        settings: Whatever else is worth keeping, in plain values: numbers, strings, lists, dictionaries.
+        settings: Whatever else is worth recording, in plain values: numbers, strings, lists, dictionaries.
 
     Raises:
         ValueError: If an entry of `inputs` is not a SHA-256, or `settings` cannot be written as JSON.
@@ -103,7 +103,7 @@ def record_run(
         command: The command line, word by word.
         inputs: The files that are read.
         seed: Seed of the random numbers, None if there are none.
-        settings: Further plain values worth keeping.
+        settings: Further plain values worth recording.
 
     Raises:
         OSError: If an input cannot be read.

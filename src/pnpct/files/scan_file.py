@@ -50,7 +50,7 @@ def write_scan(
     Counts, incident quanta and images become float32; all else keeps its precision.
 
     Args:
-        path: Where the file shall be; an older one is replaced.
+        path: File to write; an existing one is replaced.
         scan: The scan.
         provenance: How it was made.
         truth: The object, relative to water, and its grid.
@@ -81,7 +81,7 @@ def read_scan(path: PathLike) -> Scan:
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not a whole scan that fits together; the sentence says what is wrong.
+        FileFormatError: If it is not a complete scan that fits together; the sentence says what is wrong.
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
         geometry = read_geometry_group(group_of(file, "geometry"))
@@ -111,7 +111,7 @@ def read_truth(path: PathLike) -> tuple[Image | Volume, Grid] | None:
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not a scan, or its truth is not whole.
+        FileFormatError: If it is not a scan, or its truth is incomplete.
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
         return read_image_dataset(group_of(file, "truth")) if "truth" in file else None

@@ -1,4 +1,4 @@
-"""Where training stands, on disk, so that a run that was killed can go on."""
+"""The state of training on disk, so that a run that was killed can resume."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,10 +13,10 @@ FORMAT = "pnpct-training"
 
 
 def write_training(path: PathLike, state: Mapping[str, Any], *, settings: Mapping[str, Any]) -> None:
-    """Write where training stands.
+    """Write the state of training.
 
     Args:
-        path: Where the file shall be; an older one is replaced.
+        path: File to write; an existing one is replaced.
         state: Tensors, numbers, strings, and dictionaries and lists of them.
         settings: All that the training depends on, in plain values.
 
@@ -28,7 +28,7 @@ def write_training(path: PathLike, state: Mapping[str, Any], *, settings: Mappin
 
 
 def read_training(path: PathLike, *, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Read where training stands; nothing in the file is executed.
+    """Read the state of training; nothing in the file is executed.
 
     Args:
         path: The file.
@@ -36,15 +36,15 @@ def read_training(path: PathLike, *, settings: Mapping[str, Any]) -> dict[str, A
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not whole, or of training with other settings.
+        FileFormatError: If it is incomplete, or of training with other settings.
     """
     path = Path(existing_file(path))
     try:
         content = torch.load(path, weights_only=True, map_location="cpu")
         made, state = content["settings"], content["state"]
     except Exception as error:  # whatever a damaged archive makes of the reader
-        raise FileFormatError(f"{path} does not say where training stands; remove it to begin anew.") from error
+        raise FileFormatError(f"{path} is not a state of training; remove it to start again.") from error
     if made != dict(settings):
         differing = ", ".join(sorted(key for key in settings if made.get(key) != settings[key]))
-        raise FileFormatError(f"{path} is of training with other settings ({differing}); remove it to begin anew.")
+        raise FileFormatError(f"{path} is of training with other settings ({differing}); remove it to start again.")
     return dict(state)

@@ -55,7 +55,7 @@ Read = Callable[[str, np.dtype[Any], int], NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class FractionMap:
-    """What share of each voxel one material fills; outside its voxels there is none of it.
+    """The fraction of each voxel that one material fills; outside its voxels there is none of it.
 
     Args:
         material: Name of the material.
@@ -132,7 +132,7 @@ def write_xcist_phantom(path: PathLike, maps: Sequence[FractionMap]) -> None:
     """Write a voxelised phantom for XCIST: the description, and a raw map in float32 for each material beside it.
 
     Args:
-        path: Where the description shall be, ending in .json; the maps get its name with .density_0 and so on.
+        path: File for the description, .json; the maps get its name with .density_0 and so on.
         maps: The materials, at least one, under names that CatSim knows or that are paths of its material files.
 
     Raises:
@@ -196,7 +196,7 @@ def _check_size(name: str, size: int, kind: np.dtype[Any], values: int) -> None:
     if size != values * kind.itemsize:
         raise FileFormatError(
             f"the map {name} has {size} bytes, but {values * kind.itemsize} were needed ({values} values of "
-            f"{kind.itemsize} bytes); it is cut short or of another description."
+            f"{kind.itemsize} bytes); it is truncated or of another description."
         )
 
 

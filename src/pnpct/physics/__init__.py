@@ -1,4 +1,4 @@
-"""What the detector counted, and what it says: scans and their noise, line integrals and their weights."""
+"""From detected counts to data: scans and their noise, line integrals and their weights."""
 
 from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction
 from pnpct.physics.exposure import Exposure

@@ -1,4 +1,4 @@
-"""From the line integrals of a spectrum to those of one energy, as far as the object is water."""
+"""From the line integrals of a spectrum to those of one energy, for water."""
 
 import math
 from dataclasses import dataclass
@@ -107,7 +107,7 @@ def fit_water_correction(
             after all filters times the detector's response (for an energy-integrating one, energy times
             efficiency).
         mu_water: Attenuation of water at these energies, 1/mm, > 0.
-        mu_effective: Attenuation of water at the energy that the image shall show, 1/mm.
+        mu_effective: Attenuation of water at the energy that the image is to show, 1/mm.
         order: Highest power, at least 1.
         longest: Longest path through water that the fit covers, mm.
 
@@ -115,7 +115,7 @@ def fit_water_correction(
         The correction, in float64.
 
     Raises:
-        ValueError: If an argument is out of its range, a bin detects nothing, or the fit does not rise
+        ValueError: If an argument is out of range, a bin detects nothing, or the fit does not rise
             everywhere.
 
     References:

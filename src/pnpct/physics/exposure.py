@@ -1,4 +1,4 @@
-"""A slice under a beam: all that is needed to draw its scans at any dose."""
+"""A slice in a beam: all that is needed to draw its scans at any dose level."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pnpct.physics.scan import Moments, Scan, scan_from_moments
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """The moments of a slice for 1 mAs in each view, with what a scan of it must know.
+    """The moments of a slice for 1 mAs in each view, with what is needed to draw a scan.
 
     Args:
         moments: Mean and variance of the signal for 1 mAs in each view.
@@ -31,11 +31,11 @@ class Exposure:
 
         Args:
             tube_current_ma: Tube current, mA, > 0.
-            rotation_time: Time of all views together, s, > 0.
-            generator: Source of the noise, on the device of the moments; None for the mean counts.
+            rotation_time: Rotation time, of all views together, s, > 0.
+            generator: Generator of the noise, on the device of the moments; None for the mean counts.
 
         Raises:
-            ValueError: If a number is out of its range, or the moments do not fit the geometry.
+            ValueError: If a number is out of range, or the moments do not fit the geometry.
         """
         for name, value, unit in (("tube_current_ma", tube_current_ma, "mA"), ("rotation_time", rotation_time, "s")):
             if not (math.isfinite(value) and value > 0):

@@ -15,7 +15,7 @@ from pnpct.physics.beam_hardening import BeamHardening
 from pnpct.physics.noise_kernels import draw_counts
 
 LOWEST_COUNT = -8.0
-"""Counts below this many standard deviations of the electronic noise are no noise: once in 1e15 rays."""
+"""Counts further below 0 than so many standard deviations of the electronic noise are errors: once in 1e15 rays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Scan:
         beam_hardening: Correction of the line integrals; None where there is none to do.
 
     Raises:
-        ValueError: If the parts do not fit each other, or a number is impossible.
+        ValueError: If the parts do not fit each other, or a number is out of range.
 
     Example:
         >>> from pnpct.geometry import evenly_spaced_views
@@ -161,13 +161,13 @@ def simulate_counts(
         line_integrals: p, dimensionless, finite.
         incident: Mean count without object, quanta, > 0.
         electronic_noise: Standard deviation of the electronic noise, quanta, ≥ 0.
-        generator: Source of the noise, on the device of the line integrals.
+        generator: Generator of the noise, on the device of the line integrals.
 
     Returns:
         Counts in quanta; whole numbers if there is no electronic noise.
 
     Raises:
-        ValueError: If a number is out of its range.
+        ValueError: If a number is out of range.
 
     Example:
         >>> generator = torch.Generator().manual_seed(0)
@@ -210,7 +210,7 @@ def scan_from_moments(
         mu_water: Attenuation of water at the effective energy, 1/mm.
         dose_fraction: Dose of this scan over the reference dose, > 0.
         beam_hardening: Correction of the line integrals.
-        generator: Source of the noise, on the device of the moments; None for the noise-free scan of mean
+        generator: Generator of the noise, on the device of the moments; None for the noise-free scan of mean
             counts.
 
     Returns:
@@ -263,7 +263,7 @@ def _check_counts(counts: Tensor, electronic_noise: float) -> None:
     if lowest < LOWEST_COUNT * electronic_noise:
         raise ValueError(
             f"The lowest count is {lowest:.6g} quanta, too far below 0 for an electronic noise of "
-            f"{electronic_noise:.6g} quanta; is the dark signal subtracted twice, or the unit another one?"
+            f"{electronic_noise:.6g} quanta; is the dark signal subtracted twice, or the unit wrong?"
         )
     if float(counts.max()) <= 0:
         raise ValueError("No ray detected anything: no count is above 0.")

@@ -1,4 +1,4 @@
-"""From counts to line integrals and what each of them is worth."""
+"""From counts to line integrals and their weights."""
 
 import math
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ def take_log(
     absolute scale.
 
     Args:
-        scan: What was measured.
+        scan: The scan.
         smoothing: Standard deviation of the Gaussian that gives l, in bins along the detector, and along the
             views as many views, but no further than a point halfway out in the field of view moves by as many
             bins. 0 for none: each weight comes from its own count, and the logarithm reaches down to the
@@ -79,7 +79,7 @@ def take_log(
         Line integrals, dimensionless, and weights, 1/variance for "statistical".
 
     Raises:
-        ValueError: If an option is out of its range, or the counts of a cone beam shall be smoothed.
+        ValueError: If an option is out of range, or the counts of a cone beam are to be smoothed.
 
     References:
         Thibault et al., Proc. SPIE 6065 (2006) 60650X: positive counts by local averaging, electronic noise

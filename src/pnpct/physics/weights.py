@@ -38,10 +38,10 @@ class DiagonalWeights(LinearOperator):
         if bool(unusable.any()):
             raise ValueError(
                 f"Weights must be finite and not negative, but {int(unusable.sum())} of {values.numel()} are "
-                "not; give a ray that shall not count the weight 0."
+                "not; give a ray that should not count the weight 0."
             )
         if not bool((values > 0).any()):
-            raise ValueError("Weights need at least one ray that counts, but all are zero.")
+            raise ValueError("Weights need at least one ray of weight above zero, but all are zero.")
         self.values = values
         self.domain_shape = self.range_shape = tuple(values.shape[-2:]) if rays is None else rays
         if tuple(values.shape[values.ndim - len(self.domain_shape) :]) != self.domain_shape:
@@ -98,11 +98,11 @@ class BandedWeights(LinearOperator):
         if not 1 <= bands <= bins:
             raise ValueError(f"A covariance of {bins} bins has 1 to {bins} bands, got {bands}.")
         inside = torch.arange(bins) + torch.arange(bands)[:, None] < bins
-        kept = torch.where(inside, covariance.detach().cpu().double(), 0.0)
-        if not bool(kept.isfinite().all()):
+        banded = torch.where(inside, covariance.detach().cpu().double(), 0.0)
+        if not bool(banded.isfinite().all()):
             raise ValueError("A covariance must be finite, but some of its bands have NaN or infinity.")
         # All views end to end are one banded matrix: nothing couples the last bin of a view to the next view.
-        ends = kept.permute(1, 0, 2).reshape(bands, views * bins).numpy()
+        ends = banded.permute(1, 0, 2).reshape(bands, views * bins).numpy()
         self._factor: NDArray[np.float64]
         self._factor, failed = lapack.dpbtrf(ends, lower=1)
         if failed:
