@@ -190,7 +190,7 @@ def test_a_failure_of_catsim_is_one_sentence_and_leaves_nothing(catsim_that, tem
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no signals")
 def test_a_killed_catsim_is_one_sentence(catsim_that, temporary):
     catsim_that("import os\nos.kill(os.getpid(), 9)")
-    with pytest.raises(ChildProcessError, match="ended by signal 9, perhaps for want of memory"):
+    with pytest.raises(ChildProcessError, match="ended by signal 9, perhaps for lack of memory"):
         catsim_moments(disc(), GEOMETRY)
     assert list(temporary.iterdir()) == []
 
@@ -204,8 +204,8 @@ EARLIER = (0.0, *GEOMETRY.view_angles[:-1])
     [
         ({"detector": "flat"}, {}, "arc detectors here, this one is flat"),
         ({"focal_spot_shifts": SHIFTS}, {}, "this geometry shifts it"),
-        ({"view_angles": GEOMETRY.view_angles[:-1]}, {}, "evenly spaced views of one full turn"),
-        ({"view_angles": EARLIER}, {}, "evenly spaced views of one full turn"),
+        ({"view_angles": GEOMETRY.view_angles[:-1]}, {}, "evenly spaced views of one full rotation"),
+        ({"view_angles": EARLIER}, {}, "evenly spaced views of one full rotation"),
         ({"source_to_isocenter": 180.0}, {}, r"reach 181\.0\d+ mm .* focal spot at 180 mm; take a smaller grid"),
         ({}, {"tube_voltage_kvp": 125.0}, r"70 to 140 kVp in steps of 10, got 125\.0 kVp"),
         ({}, {"rows": 0}, "at least one row, got 0"),

@@ -1,4 +1,4 @@
-"""What a scanner's detector sees of the beam: tube, filters, distance and detector."""
+"""The beam as the detector sees it: tube, filters, distance and detector."""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from pnpct.simulation.spectrum import tube_spectrum
 CELL_HEIGHT = 1.0963
 """Height of a detector cell, mm: slices of 0.625 mm at the isocentre."""
 ACTIVE_AREA = 0.81
-"""Share of a cell that detects, 0.9 along columns and rows."""
+"""Fraction of a cell that detects, 0.9 along columns and rows."""
 ELECTRONIC_NOISE_KEV = 3500 / 17
 """Standard deviation of the electronic noise of an energy-integrating cell: 3500 electrons at 17 per keV."""
 TYPICAL_PATH = 200.0
@@ -93,7 +93,7 @@ def scanner_beam(
         mA in 1/984 s.
 
     Raises:
-        ValueError: If an argument is out of its range.
+        ValueError: If an argument is out of range.
     """
     if not (math.isfinite(threshold) and threshold > 0):
         raise ValueError(f"The threshold of a photon-counting detector must be positive, in keV, got {threshold}.")

@@ -23,7 +23,7 @@ class Body(Protocol):
 
         Args:
             z: Height, mm, within `extent`.
-            grid: Where the pixels of the slice shall be.
+            grid: Where the pixels of the slice are.
 
         Raises:
             ValueError: If z is outside the extent.

@@ -1,7 +1,7 @@
 """Scans by CatSim (GE's XCIST, the package gecatsim), an independent simulator, of the phantoms of this package.
 
-CatSim sees the same compositions as our own simulator: its material files are written from `MATERIALS`. It
-scans in a vacuum, while our attenuation is relative to air, which a body displaces. So air is left out of its
+CatSim sees the same compositions as pnpct's own simulator: its material files are written from `MATERIALS`. It
+scans in a vacuum, while the attenuation here is relative to air, which a body displaces. So air is left out of its
 phantom and each density is lowered by the share that air has of the attenuation at 70 keV, by 0.11 % in water
 and 0.42 % in lung. Its tube, filters, detector, cross sections and projector are its own.
 """
@@ -70,14 +70,14 @@ def catsim_moments(
     draws scans of any tube current from it. Scatter, crosstalk and lag are left out.
 
     A phantom is a slab, the same at every z; so is the slice of a body that a single row sees. Several rows see
-    a body in slices of 0.625 mm, which are held in memory at once, up to the height h above and below z that the
+    a body in slices of 0.625 mm, which are all held in memory, up to the height h above and below z that the
     cone reaches in the pixel farthest from the axis, at the distance r:
 
         h = rows/2 · 0.625 mm · (R + r) / R,   R = source_to_isocenter.
 
     Args:
         body: The object.
-        geometry: An arc detector, and a full turn of evenly spaced views.
+        geometry: An arc detector, and a full rotation of evenly spaced views.
         tube_voltage_kvp: Peak tube voltage, 70 to 140 kVp in steps of 10.
         rows: Number of detector rows, each 0.625 mm high at the isocentre, at least 1.
         z: Height in the body of the middle of all rows, mm.
@@ -137,7 +137,7 @@ def catsim_scan(
 
     Args:
         phantom: The object.
-        geometry: An arc detector, and a full turn of evenly spaced views.
+        geometry: An arc detector, and a full rotation of evenly spaced views.
         tube_current_ma: Tube current, mA, > 0.
         seed: Of the photons and of the electronic noise, 0 to 100 000 000.
         tube_voltage_kvp: Peak tube voltage, 70 to 140 kVp in steps of 10.
@@ -223,7 +223,7 @@ def _rotation_direction(geometry: FanBeam) -> int:
         error = angles - angles[0] - direction * turn
         if np.abs(error - 2 * math.pi * np.round(error / (2 * math.pi))).max() < 1e-6:
             return direction
-    raise ValueError("CatSim needs the evenly spaced views of one full turn, this geometry has others.")
+    raise ValueError("CatSim needs the evenly spaced views of one full rotation, this geometry has others.")
 
 
 def _slices(body: Phantom | Body, geometry: FanBeam, *, rows: int, z: float, grid: ImageGrid | None) -> list[Phantom]:

@@ -129,5 +129,5 @@ def _run_worker(folder: Path, options: list[str]) -> None:
         return
     reason = (errors or lines or ["it gave no reason"])[-1]
     if done.returncode < 0:
-        reason = f"its process was ended by signal {-done.returncode}, perhaps for want of memory"
+        reason = f"its process was ended by signal {-done.returncode}, perhaps for lack of memory"
     raise ChildProcessError(f"CatSim failed: {reason.rstrip('.')}.")

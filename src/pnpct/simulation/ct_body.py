@@ -32,15 +32,15 @@ _TISSUES: tuple[dict[str, float], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class CTBody(Body):
-    """The body that a series of CT images shows.
+    """The body in a series of CT images.
 
     Between two images it is interpolated linearly in z. In the plane, pixels are averaged where those that
     are asked for are larger, and interpolated linearly where they are smaller; beyond the images is air.
 
     HU become volume fractions so that the attenuation at 70 keV is that of the images: -1000 HU is air, -742
-    inflated lung, -192 lung with hardly any air, -100 and -77 fat, 43 muscle, 1561 cortical bone, and what is
+    inflated lung, -192 lung with very little air, -100 and -77 fat, 43 muscle, 1561 cortical bone, and what is
     between two of these is a mixture of both. What is above, metal and dense teeth, becomes cortical bone,
-    and what is below becomes air. HU alone do not tell contrast medium, blood or stones from bone: whatever is
+    and what is below becomes air. HU alone cannot distinguish contrast medium, blood or stones from bone: whatever is
     above 43 HU attenuates other energies as muscle with some bone does. The table is part of the body.
 
     The images carry the noise and the streaks of their own scan, which become anatomy here unless `denoise`
@@ -51,7 +51,7 @@ class CTBody(Body):
 
     Args:
         series: The images; the middle of their pixels becomes (0, 0), wherever the scanner had it.
-        denoise: What smooths each slice, on the grid of the images, before HU are turned into materials; None
+        denoise: Denoiser of each slice, on the grid of the images, before HU are converted to materials; None
             leaves the noise in.
 
     Example:
@@ -83,7 +83,7 @@ class CTBody(Body):
 
         Args:
             z: Height, mm, within `extent`.
-            grid: Where the pixels of the slice shall be; the images have their middle at (0, 0).
+            grid: Where the pixels of the slice are; the images have their middle at (0, 0).
 
         Raises:
             ValueError: If z is outside the extent.

@@ -38,13 +38,13 @@ from pnpct.simulation.sources import Source, fingerprint, from_files, is_phantom
 def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Iterator[ListedScan]:
     """Make a data set, or what is missing of it, and yield each axial scan when its files are there.
 
-    After every scan the manifest lists it with the hashes of its files. Killed and started again it continues,
-    and the files are the same bytes as those of an uninterrupted run on the same machine.
+    After every scan the manifest lists it with the hashes of its files. If it is killed and started again, it
+    continues, and the files are the same bytes as those of an uninterrupted run on the same machine.
 
     Args:
-        folder: Where the data set shall be; it is made.
+        folder: Output folder; it is created.
         recipe: What it depends on; the same as that of an unfinished data set in the folder.
-        processes: How many scans are made at the same time.
+        processes: Scans that are simulated in parallel.
 
     Yields:
         First what earlier runs have made, then each scan when it is done.
@@ -55,12 +55,12 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
             scanned.
     """
     if processes < 1:
-        raise ValueError(f"A data set is made by at least one process, got {processes}.")
+        raise ValueError(f"A data set needs at least one process, got {processes}.")
     if recipe.simulator == "catsim":
         require_catsim()
     inputs = {path: fingerprint(Path(path)) for path in recipe.bodies}
     if len(set(inputs.values())) < len(recipe.bodies):
-        raise ValueError("One body is given twice; its slices would be for training and for tests.")
+        raise ValueError("One body is given twice; its slices would be in training and in testing.")
     settings: dict[str, Any] = json.loads(json.dumps(asdict(recipe) | {"inputs": inputs, "pnpct": version("pnpct")}))
     stations = plan(recipe)
     done = _earlier(folder, settings, stations)
@@ -143,7 +143,7 @@ def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[d
 
 
 def _earlier(folder: Path, settings: Mapping[str, Any], stations: Sequence[Station]) -> dict[str, ListedScan]:
-    """What an earlier run has made and is still whole."""
+    """What an earlier run has made and is still intact."""
     if not folder.exists() or not (found := {path.name for path in folder.iterdir() if path.name[0] != "."}):
         return {}
     if MANIFEST not in found:

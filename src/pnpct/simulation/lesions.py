@@ -22,8 +22,8 @@ def with_lesions(body: Body, lesions: Sequence[Lesion]) -> Body:
 
         s = w · contrast / (HU of the material − HU of what is there)
 
-    with w the share of the pixel inside the sphere (`lesion_mask`). A dark lesion is made with air: the tissue
-    is the same, but less dense, and its contrast hardly depends on the energy. A bright one is made with blood
+    with w the fraction of the pixel inside the sphere (`lesion_mask`). A dark lesion is made with air: the tissue
+    is the same, but less dense, and its contrast barely depends on the energy. A bright one is made with blood
     that has 10 mg/ml of iodine, 317 HU: its contrast follows iodine, as that of an enhancing lesion does, and is
     about twice as large at 50 keV and half as large at 100 keV. Where lesions overlap, contrasts add up.
 
@@ -36,7 +36,7 @@ def with_lesions(body: Body, lesions: Sequence[Lesion]) -> Body:
         image would fall below air or rise above the blood.
 
     Raises:
-        ValueError: If no slice of the body would show one of the lesions.
+        ValueError: If one of the lesions is in no slice of the body.
 
     Example:
         >>> from pnpct.simulation import chest_body, truth

@@ -15,7 +15,7 @@ class Material:
 
     Args:
         density: Mass per volume, g/cm³, > 0.
-        mass_fractions: Share of each element in the mass, by symbol; they sum to 1 within 1 %.
+        mass_fractions: Fraction of the mass of each element, by symbol; they sum to 1 within 1 %.
 
     Raises:
         ValueError: If the density is not positive or the fractions do not sum to 1.

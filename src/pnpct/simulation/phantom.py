@@ -16,7 +16,7 @@ from pnpct.simulation.resampling import area_average
 
 @dataclass(frozen=True, eq=False)
 class Phantom:
-    """What share of each pixel's volume each material fills. Beyond the grid is air.
+    """The fraction of each pixel's volume that each material fills. Beyond the grid is air.
 
     Args:
         materials: Names in `MATERIALS`, one for each layer of `fractions`.

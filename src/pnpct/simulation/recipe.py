@@ -1,4 +1,4 @@
-"""What a data set depends on, and which scans follow from it."""
+"""What a data set depends on, and the scans that follow from it."""
 
 import math
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ class Recipe:
     """All that a data set depends on.
 
     Args:
-        anatomies: Which of `ANATOMIES` patients are made up of, in turns.
+        anatomies: Which of `ANATOMIES` the procedural patients have, in turn.
         bodies: Paths of CT series and voxelised phantoms, each of them one more patient.
-        cases: Patients to make up.
-        stations: Axial scans of each patient, spread over its height.
+        cases: Number of procedural patients.
+        stations: Axial scans of each patient, spread over its length.
         rows: Detector rows, each of which gives a slice of 0.625 mm.
         tube_voltages_kvp: Tube voltages of each scan, 70 to 140 kVp.
-        simulator: Our own, or CatSim where it is installed.
-        views: Views in a turn.
-        bins: Cells along the detector.
-        size: Rows and columns of the truth; what is scanned has pixels of half the size.
-        noise_hu: Standard deviation of the noise that is removed from CT series, HU.
-        validation: Share of the patients of each anatomy that are kept for validation.
-        test: Share that is kept for tests.
-        seed: Of everything that is drawn.
+        simulator: pnpct's own, or CatSim where it is installed.
+        views: Views per rotation.
+        bins: Detector cells along the arc.
+        size: Rows and columns of the truth; the phantom that is scanned has pixels of half the size.
+        noise_hu: Standard deviation of the noise to remove from CT series, HU.
+        validation: Fraction of the patients of each anatomy that is held out for validation.
+        test: Fraction that is held out for testing.
+        seed: Seed of everything that is drawn.
 
     Raises:
-        ValueError: If a number is out of its range, or nobody would be scanned.
+        ValueError: If a number is out of range, or there is no patient.
     """
 
     anatomies: tuple[str, ...] = tuple(ANATOMIES)
@@ -59,9 +59,9 @@ class Recipe:
             if anatomy not in ANATOMIES:
                 raise ValueError(f'There is no anatomy "{anatomy}"; there are {", ".join(ANATOMIES)}.')
         if self.cases < 0 or (self.cases and not self.anatomies):
-            raise ValueError(f"{self.cases} patients cannot be made up of {len(self.anatomies)} anatomies.")
+            raise ValueError(f"{self.cases} patients cannot cover {len(self.anatomies)} anatomies.")
         if not (self.cases or self.bodies):
-            raise ValueError("A data set needs patients: made up, or read from files.")
+            raise ValueError("A data set needs patients: procedural ones, or ones read from files.")
         for name in ("stations", "rows", "views", "bins", "size"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
@@ -72,7 +72,7 @@ class Recipe:
         if len({f"{voltage:g}" for voltage in self.tube_voltages_kvp}) < len(self.tube_voltages_kvp):
             raise ValueError("A tube voltage is given twice.")
         if not (self.validation >= 0 and self.test >= 0 and self.validation + self.test <= 1):
-            raise ValueError("The shares for validation and tests must not be negative, nor more than 1 together.")
+            raise ValueError("The fractions for validation and testing must not be negative, nor exceed 1 together.")
         if not 0 <= self.noise_hu < math.inf or (self.noise_hu and not self.bodies):
             raise ValueError(f"The noise of CT series is from 0 HU up, and needs such a series, got {self.noise_hu}.")
         if not 0 <= self.seed < 2**63:
@@ -87,9 +87,9 @@ class Station:
         name: Of the scan; its files are called <name>-row<number>.h5.
         source: An anatomy, or the path of a body.
         own: Whether the source is the path of a body.
-        patient: Number of the patient among those of its source.
+        patient: Index of the patient among those of its source.
         share: Where it is scanned: share of the height that can be scanned below the lowest row, 0 to 1.
-        split: What its patient is for.
+        split: Training, validation or test, by patient.
     """
 
     name: str
@@ -101,10 +101,10 @@ class Station:
 
 
 def plan(recipe: Recipe) -> tuple[Station, ...]:
-    """Return all axial scans of a data set, in order; which patient is for what depends on the seed.
+    """Return all axial scans of a data set, in order; the split of the patients depends on the seed.
 
-    Of three patients and more of one source, at least one is kept for validation and one for tests where a
-    share is asked for. CT series and phantoms count as patients of one source.
+    Of three patients and more of one source, at least one is held out for validation and one for testing where a
+    fraction is given. CT series and phantoms count as patients of one source.
     """
     of_source: dict[str, list[tuple[str, str, int]]] = {}
     for number in range(recipe.cases):
@@ -126,6 +126,6 @@ def plan(recipe: Recipe) -> tuple[Station, ...]:
 
 def _splits(recipe: Recipe, patients: int, draw: np.random.Generator) -> list[Split]:
     enough = patients >= 3
-    kept = [max(round(share * patients), int(enough and share > 0)) for share in (recipe.validation, recipe.test)]
-    names = [*(kept[0] * ["validation"]), *(kept[1] * ["test"]), *(patients * ["train"])][:patients]
+    held_out = [max(round(share * patients), int(enough and share > 0)) for share in (recipe.validation, recipe.test)]
+    names = [*(held_out[0] * ["validation"]), *(held_out[1] * ["test"]), *(patients * ["train"])][:patients]
     return [cast(Split, names[place]) for place in draw.permutation(patients)]

@@ -20,7 +20,7 @@ def area_average(
     Args:
         image: Floating-point values, the last two dimensions on `grid`.
         grid: Where the pixels of the image are.
-        onto: Where those of the answer shall be.
+        onto: Where those of the result are.
 
     Returns:
         The averages, in the precision and on the device of the image.
@@ -42,7 +42,7 @@ def area_average(
 def _overlaps(
     old: NDArray[np.float64], old_spacing: float, new: NDArray[np.float64], new_spacing: float
 ) -> Float[Tensor, "new old"]:
-    """What share of each new pixel each old one covers, along one axis; positions grow."""
+    """The fraction of each new pixel that each old one covers, along one axis; positions grow."""
     low = np.maximum(new[:, None] - new_spacing / 2, old - old_spacing / 2)
     high = np.minimum(new[:, None] + new_spacing / 2, old + old_spacing / 2)
     return torch.from_numpy(np.maximum(high - low, 0.0) / new_spacing)

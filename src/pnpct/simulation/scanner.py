@@ -1,4 +1,4 @@
-"""A CT scanner of today: its geometry, and the polychromatic scans it makes."""
+"""A modern CT scanner: its geometry, and the polychromatic scans it makes."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -39,7 +39,7 @@ class Sampling:
         anode_angle: Between the anode's face and the fan, rad; the focal spot is length / tan(angle) deep.
 
     Raises:
-        ValueError: If a number is out of its range.
+        ValueError: If a number is out of range.
     """
 
     columns: int = 1
@@ -83,14 +83,14 @@ def _middles(parts: int) -> np.ndarray:
 
 
 def clinical_fan_beam(*, views: int = 984, bins: int = 900) -> FanBeam:
-    """Return the geometry of CatSim's default scanner, with its whole fan of 56 degrees.
+    """Return the geometry of CatSim's default scanner, with its full fan of 56 degrees.
 
     541 mm from the focal spot to the isocentre, 949 mm to the detector, an arc of 921.5 mm shifted by a
-    quarter of a cell, one full turn.
+    quarter of a cell, one full rotation.
 
     Args:
-        views: Views in the turn, at least 1.
-        bins: Cells that share the arc, at least 1; 900 cells are 1.0239 mm wide.
+        views: Views per rotation, at least 1.
+        bins: Detector cells along the arc, at least 1; 900 cells are 1.0239 mm wide.
 
     Example:
         >>> clinical_fan_beam().bin_width
@@ -123,20 +123,20 @@ def simulate_moments(
         geometry: The scanner.
         beams: What its detector absorbs without object, of the same number of bins.
         sampling: Blur by cells, focal spot and rotation; None is `Sampling()`, one sample of each.
-        crosstalk: Share of the x-rays of a cell that is detected in each of its two neighbours, 0 to 0.3.
+        crosstalk: Fraction of a cell's x-rays that is detected in each of its two neighbours, 0 to 0.3.
 
     Returns:
         Moments for each beam in the unit of its response, on the phantom's device.
 
     Raises:
-        ValueError: If a beam has another number of bins, the geometry cannot see the phantom, or crosstalk is
-            out of its range.
+        ValueError: If a beam has another number of bins, the phantom is out of the field of view, or crosstalk is
+            out of range.
     """
     for beam in beams:
         if len(beam.photons) != geometry.bins:
             raise ValueError(f"The beam is for {len(beam.photons)} bins, the geometry has {geometry.bins}.")
     if not 0 <= crosstalk <= 0.3:
-        raise ValueError(f"Crosstalk to each neighbour must be a share from 0 to 0.3, got {crosstalk}.")
+        raise ValueError(f"Crosstalk to each neighbour must be a fraction from 0 to 0.3, got {crosstalk}.")
     sampling = sampling or Sampling()
     solid = [
         index for index, share in enumerate(phantom.fractions) if phantom.materials[index] != "air" and share.any()
@@ -224,21 +224,21 @@ def expose(
     sampling: Sampling | None = None,
     crosstalk: float = 0.0,
 ) -> Exposure:
-    """Return what a scanner sees of a phantom; `Exposure.scan` draws scans of any tube current from it.
+    """Return the exposure of a phantom in a scanner; `Exposure.scan` draws scans at any tube current from it.
 
     Args:
         phantom: The object.
         geometry: The scanner; see `clinical_fan_beam`.
         beam: Tube, filters and detector; `scanner_beam(geometry)` if None.
         sampling: Blur by cells, focal spot and rotation; None is one sample of each.
-        crosstalk: Share of the x-rays of a cell that is detected in each of its two neighbours, 0 to 0.3.
+        crosstalk: Fraction of a cell's x-rays that is detected in each of its two neighbours, 0 to 0.3.
 
     Returns:
         The moments, with the water correction to the beam's effective energy.
 
     Raises:
-        ValueError: If the beam has another number of bins, the geometry cannot see the phantom, or crosstalk is
-            out of its range.
+        ValueError: If the beam has another number of bins, the phantom is out of the field of view, or crosstalk is
+            out of range.
 
     Example:
         >>> phantom = Phantom(("water",), torch.ones(1, 8, 8), ImageGrid(8, 8, spacing=10.0))
@@ -253,5 +253,5 @@ def expose(
 
 
 def as_exposure(moments: Moments, geometry: FanBeam, beam: Beam) -> Exposure:
-    """Return moments of a beam, whoever has computed them, with what a scan must know of the beam."""
+    """Return moments of a beam, from any simulator, with what a scan needs to know of the beam."""
     return Exposure(moments, geometry, effective_mu_water(beam), water_correction(beam))

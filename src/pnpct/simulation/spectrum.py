@@ -62,7 +62,7 @@ def tube_spectrum(tube_voltage_kvp: float, *, bins: int | None = None) -> Spectr
         Photons at a distance of one metre.
 
     Raises:
-        ValueError: If an argument is out of its range.
+        ValueError: If an argument is out of range.
 
     References:
         Wu et al., Phys. Med. Biol. 67 (2022) 194002: XCIST, which the tables are from.

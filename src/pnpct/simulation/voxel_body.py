@@ -89,7 +89,7 @@ class VoxelBody(Body):
 
         Args:
             z: Height, mm, within `extent`.
-            grid: Where the pixels of the slice shall be.
+            grid: Where the pixels of the slice are.
 
         Raises:
             ValueError: If z is outside the extent, or the materials of a pixel there fill more than all of it.

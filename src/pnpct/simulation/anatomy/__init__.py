@@ -1,4 +1,4 @@
-"""Patients who are made up: parts of the body as solids of tissue, painted slice by slice."""
+"""Procedural patients: regions of the body as solids of tissue, painted slice by slice."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from pnpct.simulation.anatomy.pelvis import pelvis_body
 
 @dataclass(frozen=True)
 class Anatomy:
-    """A part of the body that can be made up.
+    """A region of the body for procedural patients.
 
     Args:
         build: Makes a patient.
-        field_of_view: Side of the square that shows it whole, mm.
+        field_of_view: Width of the field of view that covers all of it, mm.
         height: z to look at first, mm.
     """
 

@@ -28,7 +28,7 @@ def abdomen_body(generator: np.random.Generator) -> PaintedBody:
     lumbar vertebra is at z = 0, the domes of the diaphragm are above the upper end.
 
     Args:
-        generator: Source of the variation; a given state gives the same patient.
+        generator: Generator of the variation; a given state gives the same patient.
 
     Returns:
         The body, 315 to 430 mm wide, in supine position: front at +y, the patient's left at +x.

@@ -129,7 +129,7 @@ def small_bowel(
         room: Where they may go.
         others: Bowel that is there already.
         wall: Tissue of the wall.
-        vary: Source of the variation.
+        vary: Generator of the variation.
         filled: Share of the length that is filled with liquid, 0 to 1.
         oral: Iodine in the liquid: share of blood with 10 mg/ml of it, 0 to 1.
     """
@@ -165,7 +165,7 @@ def wander(
     Args:
         room: Where it may go.
         radius: Outer radius of the bowel, mm.
-        vary: Source of the variation.
+        vary: Generator of the variation.
         taken: Middles and radii of balls where it may not go, mm.
         step: Distance between points, mm.
         gap: Fat between loops, mm.

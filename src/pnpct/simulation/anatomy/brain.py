@@ -36,7 +36,7 @@ class Brain:
     """The brain of one patient, its cavities, veins and membranes.
 
     Args:
-        vary: Source of the variation.
+        vary: Generator of the variation.
         cavity: Inside of the skull.
     """
 

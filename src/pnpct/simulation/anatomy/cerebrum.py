@@ -24,7 +24,7 @@ class Cerebrum:
     """The hemispheres of one patient.
 
     Args:
-        vary: Source of the variation.
+        vary: Generator of the variation.
         cavity: Inside of the skull.
         room: The part of the skull's inside that is theirs.
         width: Half the width of a sulcus at the surface, mm, ≥ 0.

@@ -23,7 +23,7 @@ def chest_body(generator: np.random.Generator) -> PaintedBody:
     arms are raised; no table, no disease.
 
     Args:
-        generator: Source of the variation; a given state gives the same patient.
+        generator: Generator of the variation; a given state gives the same patient.
 
     Returns:
         The body, about 370 × 250 mm, in supine position: front at +y, the patient's left at +x.

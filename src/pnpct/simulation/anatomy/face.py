@@ -25,7 +25,7 @@ class Face:
     """What is in front of the brain and below it, of one patient.
 
     Args:
-        vary: Source of the variation.
+        vary: Generator of the variation.
         cavity: Inside of the skull, where nothing of all this may be.
     """
 

@@ -41,7 +41,7 @@ def random_folds(generator: np.random.Generator, wavelength: float, *, count: in
     """Draw folds.
 
     Args:
-        generator: Source of directions and phases.
+        generator: Generator of directions and phases.
         wavelength: Twice the mean distance between sheets, mm.
         count: Number of waves.
     """

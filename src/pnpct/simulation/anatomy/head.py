@@ -44,11 +44,11 @@ def head_body(generator: np.random.Generator) -> PaintedBody:
 
     Sizes, age (which widens sulci and ventricles), thickness of the skull, air in sinuses and mastoids, folds
     and all textures vary with the generator; one seed gives one patient. z = 0 is at the foramen magnum, the
-    eyes are near 38 mm, the third ventricle near 70 mm, the upper end is where the skull ends. No face that
-    would be anybody's, no teeth, no headrest, no disease; no contrast medium.
+    eyes are near 38 mm, the third ventricle near 70 mm, the upper end is where the skull ends. No face of a
+    person, no teeth, no headrest, no disease; no contrast medium.
 
     Args:
-        generator: Source of the variation; a given state gives the same patient.
+        generator: Generator of the variation; a given state gives the same patient.
 
     Returns:
         The body, about 155 mm wide and 200 mm long, in supine position: front at +y, the patient's left at +x.

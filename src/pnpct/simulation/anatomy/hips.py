@@ -141,7 +141,7 @@ class Hip:
     Args:
         side: 1 for the patient's left, at growing x, or −1.
         skin: What everything must stay in.
-        vary: Source of the variation.
+        vary: Generator of the variation.
         muscle: What muscles are made of.
         marrow: Inside of the bones, but for the shaft of the femur.
         bulk: Thickness of the muscles over the usual.

@@ -89,7 +89,7 @@ def back(vary: Variation, muscles: Shape) -> Iterator[Layer]:
     """Return spine, crests of the hips, crura of the diaphragm, psoas, quadratus lumborum, and the erectors.
 
     Args:
-        vary: Source of the variation.
+        vary: Generator of the variation.
         muscles: What all muscles together fill, up to the fat under the skin.
     """
     marrow, top = drawn_marrow(vary, 0.115), vary(-86, 4)
@@ -124,7 +124,7 @@ def great_vessels(vary: Variation, contrast: Contrast) -> tuple[list[Layer], lis
     """Return the branches of aorta, vena cava and portal vein; and aorta and vena cava, some with plaques.
 
     Args:
-        vary: Source of the variation.
+        vary: Generator of the variation.
         contrast: Iodine at the time of the scan.
 
     Returns:

@@ -42,7 +42,7 @@ def pelvis_body(generator: np.random.Generator) -> PaintedBody:
     artificial hip of titanium. The heads of the femurs are at z = 0, the crests of the hips at the upper end.
 
     Args:
-        generator: Source of the variation; a given state gives the same patient.
+        generator: Generator of the variation; a given state gives the same patient.
 
     Returns:
         The body, 360 to 430 mm wide, in supine position: front at +y, the patient's left at +x.

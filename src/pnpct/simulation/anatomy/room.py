@@ -71,7 +71,7 @@ def tree(
         heading: Direction in which it starts.
         radius: At the root, mm.
         room: Where it may go.
-        vary: Source of the variation.
+        vary: Generator of the variation.
         thinnest: Radius at which branches end, mm.
         spread: How far branches turn away, rad, about.
 

@@ -41,7 +41,7 @@ class SkullBase:
     """The base of the skull of one patient.
 
     Args:
-        vary: Source of the variation.
+        vary: Generator of the variation.
         cavity: Inside of the skull.
     """
 

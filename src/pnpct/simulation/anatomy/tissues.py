@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pnpct.simulation.anatomy.texture import Texture
 
 Fraction: TypeAlias = float | NDArray[np.floating]
-"""Share of a material in the volume: one number, or one per pixel."""
+"""Volume fraction of a material: one number, or one per pixel."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ def perfused(base: str, iodine: float, *, fat: float = 0.0, grain: float = 0.012
 
     Args:
         base: Material of the organ.
-        iodine: Share of blood with 10 mg/ml of iodine, 0 to 1.
-        fat: Share of fat in the rest, 0 to 1.
+        iodine: Fraction of blood with 10 mg/ml of iodine, 0 to 1.
+        fat: Fraction of fat in the rest, 0 to 1.
         grain: Standard deviation of the share of iodine at each of 0.9 and 2.5 mm.
     """
     mixture = {base: 1 - fat, "adipose": fat} if fat else {base: 1.0}

@@ -10,7 +10,7 @@ class Variation:
     """Draws the sizes and places that make one patient.
 
     Args:
-        generator: Source of the variation.
+        generator: Generator of the variation.
     """
 
     generator: np.random.Generator

@@ -62,7 +62,7 @@ class Viscera:
     """The organs of one patient.
 
     Args:
-        vary: Source of the variation.
+        vary: Generator of the variation.
         contrast: Iodine at the time of the scan.
         inside: What the diaphragm and the wall of the abdomen enclose.
     """
