@@ -112,7 +112,7 @@ def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
     path.with_suffix(".training").write_bytes(b"nothing")
     status, _, err = run("train", dataset, path, *TRAIN.split())
     assert status == 2
-    assert "remove it to begin anew" in err
+    assert "remove it to start again" in err
 
 
 def test_patients_of_further_data_sets_are_learnt_from_too(

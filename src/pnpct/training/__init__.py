@@ -1,4 +1,4 @@
-"""From scans to the weights of a denoiser: what it learns from, what is made small, and the methods."""
+"""From scans to the weights of a denoiser: what it learns from, the losses, and the methods."""
 
 from pnpct.training.cached_examples import CachedExamples
 from pnpct.training.curves import training_curves

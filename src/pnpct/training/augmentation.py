@@ -1,4 +1,4 @@
-"""Random changes under which anatomy stays anatomy and noise keeps its mean of zero."""
+"""Random changes after which anatomy is still anatomy and noise still has mean zero."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,16 +47,16 @@ class Augmentation:
 def change_alike(
     images: Sequence[Image], draw: np.random.Generator, *, augment: bool, side: int | None
 ) -> list[Float[Tensor, "*batch new_rows new_cols"]]:
-    """Change all images in one way that is drawn, and cut the same square out of them.
+    """Augment all images in the same way, and take the same patch from them.
 
     Args:
         images: Images of one size.
-        draw: Source of what is drawn.
+        draw: Generator of what is drawn.
         augment: Whether they are mirrored, turned, moved and scaled.
-        side: Rows and columns of the square; None cuts nothing out.
+        side: Rows and columns of the patch; None takes whole images.
 
     Raises:
-        ValueError: If the images are smaller than the square.
+        ValueError: If the images are smaller than the patch.
     """
     changed = [*images]
     if augment:
@@ -67,13 +67,13 @@ def change_alike(
 
 
 def cut(images: Sequence[Image], side: int, draw: np.random.Generator) -> list[Float[Tensor, "*batch side side"]]:
-    """Cut the same square out of all images, anywhere.
+    """Take the same patch from all images, anywhere.
 
     Raises:
-        ValueError: If the images are smaller than the square.
+        ValueError: If the images are smaller than the patch.
     """
     rows, cols = images[0].shape[-2:]
     if not 1 <= side <= min(rows, cols):
-        raise ValueError(f"A square of {side} pixels cannot be cut out of images of {rows} x {cols}.")
+        raise ValueError(f"A patch of {side} pixels cannot be taken from images of {rows} x {cols}.")
     row, col = int(draw.integers(rows - side + 1)), int(draw.integers(cols - side + 1))
     return [image[..., row : row + side, col : col + side] for image in images]

@@ -1,4 +1,4 @@
-"""Examples cached in a folder, since making one takes longer than learning from it.
+"""Examples cached in a folder, since making one takes longer than a training step.
 
 A file is called <number>-<fingerprint>.safetensors. The fingerprint is the SHA-256, shortened, of the key: all that the
 example depends on, in plain values, as JSON. The key itself stands in the metadata of the file, under "key".
@@ -17,7 +17,7 @@ from pnpct.files import atomic_path
 from pnpct.training.examples import Example, Examples
 
 FORMAT, FORMAT_VERSION = "pnpct-example", 1
-"""To be raised when the same settings make other images."""
+"""Raise this when the same settings make other images."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class CachedExamples:
 
     Args:
         examples: What draws them.
-        folder: Where the files are, for this and other trainings; it is made.
+        folder: Where the files are, for this and other trainings; it is created.
     """
 
     examples: Examples
@@ -62,5 +62,5 @@ class CachedExamples:
                 if (file.metadata() or {}).get("key") == self.key:
                     return Example(**{name: file.get_tensor(name) for name in file.keys()})  # noqa: SIM118  # it is no mapping
         except (SafetensorError, TypeError) as error:
-            raise OSError(f"{path} is damaged; remove it, and it is made anew.") from error
-        raise OSError(f"{path} is of an example with other settings; remove it, and it is made anew.")
+            raise OSError(f"{path} is damaged; remove it, and it is made again.") from error
+        raise OSError(f"{path} is of an example with other settings; remove it, and it is made again.")

@@ -1,4 +1,4 @@
-"""The curves of a training in TensorBoard, where they are wanted."""
+"""The curves of a training in TensorBoard, if asked for."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""Examples to learn from: images of three scans of one slice, drawn from the exposures of a data set."""
+"""Training examples: images of three scans of one slice, drawn from the exposures of a data set."""
 
 import math
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from pnpct.physics import Scan
 from pnpct.training.images import MakeImages
 
 Reference: TypeAlias = float | Literal["truth"]
-"""What is learnt towards: the image of a scan at this tube current, mA, or what was scanned, without any blur."""
+"""The target: the image of a scan at this tube current, mA, or the phantom itself, without any blur."""
 
 REFERENCE: Reference = 800.0
-"""A usual scan at high dose."""
+"""A routine scan at high dose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Example:
     Args:
         low: FBP images of the two low-dose scans.
         others: Other images of the first of these scans.
-        references: What to learn towards: from the FBP images first, then from each of the others.
+        references: Targets: of the FBP images first, then of each of the others.
     """
 
     low: Float[Tensor, "scans=2 rows cols"]
@@ -50,9 +50,9 @@ class Examples:
 
     Args:
         files: Files of exposures.
-        make: FBP, or another way to make one image, whose noise has a mean of zero.
-        others: Other ways to make images, of which a denoiser shall know the noise.
-        seed: Of everything that is drawn.
+        make: FBP, or another way to make one image with noise of mean zero.
+        others: Other ways to make images, with noise that a denoiser should know.
+        seed: Seed of everything that is drawn.
         tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
         reference: Tube current of high-dose scans, mA, or "truth". The noise of scans does not mislead a network, but
             drowns what it could learn wherever its output is nearer to the truth than they are; their blur it learns.
@@ -62,7 +62,7 @@ class Examples:
 
     Raises:
         ValueError: If there are no files, the currents are not positive and rising or the high one is below the low
-            ones, the truth shall be made of a scan, or there is not one reference for each way.
+            ones, the truth is to be made of a scan, or there is not one reference for each way.
     """
 
     files: Sequence[Path]

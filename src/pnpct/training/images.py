@@ -1,4 +1,4 @@
-"""Images that a denoiser learns from: those of FBP, and those that the loop of ADMM shows it."""
+"""Images that a denoiser learns from: those of FBP, and those that the loop of ADMM gives it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -32,7 +32,7 @@ TV_ITERATIONS = 20
 """Iterations of total variation in the loop."""
 
 LEAST_VIEWS = 30
-"""Views of a part of a scan; FBP takes views of a turn that are farther apart, from 15 degrees on, for gaps."""
+"""Least views in a subset of a scan; FBP takes steps between views of 15 degrees and more for gaps."""
 
 
 @runtime_checkable
@@ -74,22 +74,22 @@ class FBPImages:
 
 
 def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor, "parts *slices rows cols"]:
-    """Deal the views of a scan out to parts in turn, and return the FBP image of each part.
+    """Divide the views of a scan into interleaved subsets, and return the FBP image of each.
 
-    The mean of the images is the FBP image of all views where the parts divide a full turn evenly and counts
-    suffice. Each part takes its own logarithm, since that of starved rays looks at neighbouring views (`take_log`):
-    no part knows a count of another.
+    The mean of the images is the FBP image of all views where the subsets divide a full rotation evenly and counts
+    suffice. Each subset takes its own logarithm, since that of starved rays uses neighbouring views (`take_log`):
+    no subset depends on a count of another.
 
     Args:
-        scan: What was measured, of one slice or of several.
+        scan: The scan, of one slice or of several.
         grid: Where the pixels are.
-        parts: How many, at least 2.
+        parts: Number of subsets, at least 2.
 
     Raises:
-        ValueError: If there are fewer parts, or too few views for them.
+        ValueError: If there are fewer subsets, or too few views for them.
     """
     if parts < 2:
-        raise ValueError(f"The views of a scan are dealt out to at least two parts, got {parts}.")
+        raise ValueError(f"The views of a scan are divided into at least two parts, got {parts}.")
     if (views := scan.geometry.views) < LEAST_VIEWS * parts:
         raise ValueError(f"{parts} parts of at least {LEAST_VIEWS} views each cannot be made of {views} views.")
     return torch.stack([FBPImages()(scan[first::parts], grid) for first in range(parts)])
@@ -97,15 +97,15 @@ def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor,
 
 @dataclass(frozen=True)
 class LoopImages:
-    """What the denoiser gets in some of the first iterations of ADMM, x + u, whose noise has another colour than FBP's.
+    """What the denoiser gets in some of the first iterations of ADMM, x + u, with noise of another colour than FBP's.
 
     Args:
-        denoiser: What denoises in the iterations before; total variation of random strength if None.
+        denoiser: Denoiser of the iterations before; total variation of random strength if None.
         name: What the denoiser is, such as the SHA-256 of a network; it stands for the denoiser in `settings`.
-        iterations: Most iterations, ≥ 1.
+        iterations: Maximum number of iterations, ≥ 1.
         number: In how many of them, from 1 to all. Each image costs the iterations before it, so several cost little
             more than one.
-        damping: Share of the dual variable that each iteration forgets: what the reconstruction has around the same
+        damping: Fraction of the dual variable that each iteration drops: as the reconstruction has with the same
             denoiser.
 
     Raises:
@@ -132,7 +132,7 @@ class LoopImages:
         return {"images": "loop", "denoiser": self.name, **loop, **tv}
 
     def undisturbed(self) -> "LoopImages":
-        """Return the loop around a denoiser that changes nothing: of a quiet scan, what it shows without noise."""
+        """Return the loop with a denoiser that changes nothing: for references of a scan with little noise."""
         return replace(self, denoiser=_unchanged, name="none")
 
     def __call__(

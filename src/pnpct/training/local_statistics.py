@@ -1,7 +1,7 @@
 """What the surroundings of each pixel are like: means, structural similarity and entropy, all differentiable.
 
 A window is given by its weights along a line (`taps`, of sum 1, odd in number), the same for rows and columns. The
-results have one value for every pixel whose window lies inside the image, so they are smaller by the window less one.
+results have one value for every pixel with its window inside the image, so they are smaller by the window less one.
 """
 
 import math
@@ -19,7 +19,7 @@ Taps: TypeAlias = Float[Tensor, "taps"]
 """Weights of a window along a line."""
 
 Inner: TypeAlias = Float[Tensor, "*batch inner_rows inner_cols"]
-"""One value for every pixel whose window lies inside the image."""
+"""One value for every pixel with its window inside the image."""
 
 LocalEntropy: TypeAlias = Callable[[Image], Inner]
 """From an image to the entropy around each pixel, nats."""
@@ -71,7 +71,7 @@ def local_mean(image: Image, taps: Taps) -> Inner:
         raise ValueError(f"A window of {side} pixels a side needs images as large, got {tuple(image.shape[-2:])}.")
     over_rows, over_cols = (_shifted(taps, length).to(image) for length in image.shape[-2:])
     # Variances are small differences of large numbers: not with eight bits. On patches, products with narrow-banded
-    # matrices are several times quicker than convolutions of one channel.
+    # matrices are several times faster than convolutions of one channel.
     with torch.autocast(image.device.type, enabled=False):
         mean: Inner = over_rows @ image @ over_cols.mT
     return mean

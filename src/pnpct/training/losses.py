@@ -1,4 +1,4 @@
-"""What training makes small: the loss terms of the paper's two stages, from an output and its target to a scalar.
+"""The loss terms of the paper's two stages, from an output and its target to a scalar.
 
 Images are relative to water, so squared errors are in (HU / 1000)² and the weights of the other terms are too. Where
 the paper's formula cannot do what its text says, the default is "corrected", and "paper" is the formula as printed.
@@ -18,19 +18,19 @@ from pnpct.units import to_hu
 Scalar: TypeAlias = Float[Tensor, ""]
 
 LossTerm: TypeAlias = Callable[[Image, Image], Scalar]
-"""From an output and its target to what training makes small."""
+"""From an output and its target to a loss term."""
 
 Form: TypeAlias = Literal["corrected", "paper"]
-"""What does as the paper says, or what it has printed."""
+"""What the paper describes, or its formula as printed."""
 
 TEXTURE_WEIGHT, CONTRAST_WEIGHT = 5e-5, 3e-5
-"""λ_tex and λ_ca, in (HU / 1000)², that suit a reference with the noise of a usual high dose; the paper gives none."""
+"""λ_tex and λ_ca, in (HU / 1000)², for a reference with the noise of a routine high dose; the paper gives none."""
 
 
 def mean_squared_error(output: Image, target: Float[Tensor, "..."]) -> Scalar:
     """Return the mean of (output − target)², in (HU / 1000)².
 
-    Of all losses this one does not mind a noisy target: noise of mean zero adds its variance, a constant.
+    This is the loss that a noisy target does not bias: noise of mean zero adds its variance, a constant.
 
     Raises:
         ValueError: If the shapes differ.

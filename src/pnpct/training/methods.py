@@ -1,6 +1,6 @@
-"""The ways to train a denoiser: frozen values, whose fields are their options and the only place of the defaults.
+"""The ways to train a denoiser: frozen values; their fields are the options, and the only place of the defaults.
 
-A method makes a `TrainingPlan` of a network and of what it shall learn from; the plan is iterated over in epochs.
+A method makes a `TrainingPlan` of a network and of what it learns from; the plan is iterated over in epochs.
 """
 
 import math
@@ -37,7 +37,7 @@ from pnpct.training.two_stage import BATCH, DECAY, LEARNING_RATE, Epoch, train, 
 from pnpct.training.validation import validate
 
 ReferenceName: TypeAlias = Reference | Literal["noise-free"]
-"""As of `Examples`, or what each image would be without its noise, with the same blur."""
+"""As for `Examples`, or each image as it would be without noise, equally blurred."""
 
 QUIET_MA = 1e6
 """Tube current of a scan with next to no noise, mA: 1 HU in an FBP image."""
@@ -64,18 +64,19 @@ class TrainingPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """How long and in what steps a network is trained, by whichever method.
+    """The schedule of training, for every method.
 
     Args:
-        epochs: Epochs of noise to noise, or of the only stage.
-        pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
-        batch: Pairs of one step.
-        side: Rows and columns of squares that are cut out; None takes whole images.
-        learning_rate: Of Adam, in the first epoch.
+        epochs: Epochs of Noise2Noise, or of the only stage.
+        pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
+        batch: Batch size, pairs per optimizer step.
+        side: Rows and columns of the patches; None takes whole images.
+        learning_rate: Learning rate of Adam in the first epoch.
         decay: Factor of the learning rate after each epoch, 0 to 1.
-        micro_batch: Pairs that go through the network together; None takes one whole image, or all squares of a batch.
-        bfloat16: Whether networks compute in bfloat16 where that is exact enough.
-        seed: Of all pairs and examples.
+        micro_batch: Pairs that pass through the network together; None takes one whole image, or all patches of a
+            batch.
+        bfloat16: Whether networks compute in bfloat16 where that is accurate enough.
+        seed: Seed of all pairs and examples.
     """
 
     epochs: int = 40
@@ -97,27 +98,27 @@ class Schedule:
     def _steps(self) -> dict[str, Any]:
         """The options of `train`."""
         names = ("pairs_per_epoch", "batch", "learning_rate", "decay", "bfloat16")
-        # Squares are small; whole images fill the memory one by one.
+        # Patches are small; whole images fill the memory one by one.
         micro_batch = (1 if self.side is None else self.batch) if self.micro_batch is None else self.micro_batch
         return {**{name: getattr(self, name) for name in names}, "micro_batch": micro_batch}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Supervised(Schedule):
-    """Learn from dose pairs of data sets: low-dose images, and what they should be.
+    """Train on dose pairs of data sets: low-dose images, and what they should be.
 
     Args:
-        also: Folders of further data sets whose patients are learnt from.
-        loop_denoiser: Network that denoises in the loop of ADMM, by name or file; total variation if None.
-        loop_iterations: Most iterations of the loop.
-        loop_images: Images of each loop that are learnt from; more of them take hardly more time.
-        examples: Slices that are scanned and reconstructed, before they come again with other changes.
-        cache: Folder that their images are cached in, for this and other trainings; None makes them anew.
+        also: Folders of further data sets to train on.
+        loop_denoiser: Network in the ADMM loop, by name or file; total variation if None.
+        loop_iterations: Maximum number of iterations of the loop.
+        loop_images: Images taken from each loop; more cost little time.
+        examples: Slices that are scanned and reconstructed, before they are repeated with other augmentations.
+        cache: Folder where their images are cached, for this and other trainings; None draws them again.
         lowest_ma: Lowest tube current of low-dose scans, mA.
         highest_ma: Highest tube current of low-dose scans, mA.
-        reference: What dose pairs learn towards: FBP images of scans at this tube current, mA; "noise-free", what
-            each image would be without its noise, just as blurred; or "truth", what was scanned.
-        discount: Power of the noise by which noisy pairs count less, 0 to 4.
+        reference: Target of the dose pairs: FBP images of reference scans at this tube current, mA; "noise-free", each
+            image as it would be without noise, equally blurred; or "truth", the phantom itself.
+        discount: Power of the noise that noisy pairs are down-weighted by, 0 to 4.
     """
 
     also: tuple[Path, ...] = ()
@@ -147,7 +148,7 @@ class Supervised(Schedule):
 
         Raises:
             OSError: If a file cannot be read.
-            ValueError: If a part of the data set is empty, an option is out of its range, or the network of the loop
+            ValueError: If a part of the data set is empty, an option is out of range, or the network of the loop
                 is noise-conditioned.
         """
         device = next(network.parameters()).device
@@ -163,7 +164,7 @@ class Supervised(Schedule):
         return partial(train, network, dosed, **options), self.epochs
 
     def examples_from(self, data: Path, split: Split, *, device: torch.device = CPU) -> Examples | CachedExamples:
-        """Return what is learnt from one part of the data sets: examples by number.
+        """Return the examples of one part of the data sets, by number.
 
         Args:
             data: Folder of the first data set.
@@ -172,7 +173,7 @@ class Supervised(Schedule):
 
         Raises:
             OSError: If a file cannot be read.
-            ValueError: If the part is empty, an option is out of its range, or the network of the loop is
+            ValueError: If the part is empty, an option is out of range, or the network of the loop is
                 noise-conditioned.
         """
         loop, datasets = self._loop(device), (data, *self.also)
@@ -188,7 +189,7 @@ class Supervised(Schedule):
         return examples if self.cache is None else CachedExamples(examples, self.cache)
 
     def _loop(self, device: torch.device) -> LoopImages:
-        """The loop of ADMM whose images are learnt from."""
+        """The ADMM loop that images are taken from."""
         loop = LoopImages(iterations=self.loop_iterations, number=self.loop_images)
         if self.loop_denoiser is None:
             return loop
@@ -204,11 +205,11 @@ class Supervised(Schedule):
 
 @dataclass(frozen=True, kw_only=True)
 class TwoStage(Supervised):
-    """Learn as the paper does: first from pairs of noisy images of data sets, then from dose pairs.
+    """Train as the paper does: first on pairs of noisy images of data sets (Noise2Noise), then on dose pairs.
 
     Args:
         fine_tuning_epochs: Epochs of the second stage.
-        losses: Loss of the second stage: "corrected", or as the "paper" prints it, which cannot reach its goal.
+        losses: Loss of the second stage: "corrected", or as printed in the "paper", which cannot reach its goal.
         texture_weight: Weight of the texture term in that loss, (HU / 1000)².
         contrast_weight: Weight of its contrast term, (HU / 1000)².
 
@@ -242,10 +243,10 @@ class TwoStage(Supervised):
 
 @dataclass(frozen=True, kw_only=True)
 class SingleScan(Schedule):
-    """Learn from one scan, of which the views are dealt out to parts that are set against each other.
+    """Train on one scan: its views are divided into subsets, and each subset is predicted from the others.
 
     Args:
-        parts: How many parts, each of at least 30 views.
+        parts: Number of subsets, each of at least 30 views.
     """
 
     parts: int = 4
@@ -255,14 +256,16 @@ class SingleScan(Schedule):
 
         Args:
             network: The network, on its device.
-            scan: What was measured, of one slice or of several.
-            grid: Where the pixels of the images shall be.
+            scan: The scan, of one slice or of several.
+            grid: Where the pixels of the images are.
 
         Raises:
             ValueError: If the network is noise-conditioned, or the parts cannot be made.
         """
         if is_noise_conditioned(network):
-            raise ValueError("A noise-conditioned network cannot learn from a single scan, whose noise is not known.")
+            raise ValueError(
+                "A noise-conditioned network cannot learn from a single scan, since its noise is not known."
+            )
         pairs = SplitViewPairs(view_subset_images(scan, grid, self.parts), self.seed, side=self.side)
         options = {"stage": "single-scan", "loss": mean_squared_error, "epochs": self.epochs, **self._steps()}
         return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict)

@@ -1,4 +1,4 @@
-"""Pairs of images: what a denoiser gets, and what it should make of it."""
+"""Pairs of images: the input of a denoiser, and its target."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,21 +11,21 @@ from pnpct.training.augmentation import change_alike
 from pnpct.training.examples import Example
 
 _NOISE = 0.03 / 2**0.5
-"""Noise of FBP images, relative to water, of pairs whose loss counts as it is: two scans then differ by 30 HU."""
+"""Noise of FBP images, relative to water, of pairs of weight 1: two scans then differ by 30 HU."""
 
 
 _DIVERGED = 3.0
-"""An image whose largest value exceeds that of the FBP images so many times is of a loop that diverged."""
+"""A loop image with a largest value that exceeds that of the FBP images so many times has diverged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What a denoiser gets, and what it should return.
+    """The input of a denoiser, and what it should return.
 
     Args:
         input: Noisy image, relative to water.
         target: Image of the same slice, with independent noise.
-        weight: How much the pair counts.
+        weight: Weight of the pair.
         noise_level: Standard deviation of the noise of an FBP image of that dose, relative to water, for
             noise-conditioned networks; None where it is not known.
     """
@@ -42,23 +42,23 @@ class Pairs:
 
     Half of the inputs are FBP images and half any of the other images of the example, except those that diverged, as
     the loop may at metal: one such image outweighs thousands. The target of noisy pairs is never of the loop: the
-    noise of FBP has a mean of zero, and it keeps what ADMM may have lost on its way. A pair counts the less, the
-    noisier its FBP images are, or the lowest doses would drown what the others teach.
+    noise of FBP has a mean of zero, and it keeps what ADMM may have lost on its way. The noisier its FBP images,
+    the less a pair weighs, or the lowest doses would dominate.
 
     Args:
         examples: Examples by number, as `Examples` is.
         kind: "noisy" pairs are two low-dose scans, either of which may be the input (criss-cross); in "dose" pairs
             the target is the reference of that way.
-        seed: Of everything that is drawn.
-        distinct: How many examples there are before they come again, each time changed in another way; None never
+        seed: Seed of everything that is drawn.
+        distinct: Number of examples before they are repeated, each time with another augmentation; None never
             repeats one.
         augment: Whether pairs are mirrored, turned, moved and scaled at random.
-        side: Rows and columns of a square that is cut out at random; None takes whole images.
-        discount: Power of the noise that the weight of a pair is divided by, 0 to 4: 0 counts all alike, 2 makes
+        side: Rows and columns of a patch, taken at random; None takes whole images.
+        discount: Power of the noise that the weight of a pair is divided by, 0 to 4: 0 weighs all alike, 2 makes
             their squared errors alike.
 
     Raises:
-        ValueError: If there is no example, or the discount is out of its range.
+        ValueError: If there is no example, or the discount is out of range.
     """
 
     examples: Callable[[int], Example]

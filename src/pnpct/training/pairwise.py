@@ -16,8 +16,8 @@ def pairwise_losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bflo
     Args:
         D: The network, on its device.
         drawn: Pairs of one size.
-        loss: From output and target to what is made small.
-        bfloat16: Whether the network computes in bfloat16 where that is exact enough.
+        loss: From output and target to the loss.
+        bfloat16: Whether the network computes in bfloat16 where that is accurate enough.
 
     Raises:
         ValueError: If the network is noise-conditioned and a pair has no noise level.

@@ -1,4 +1,4 @@
-"""Pairs of images from one scan alone, for those who have no second one: a part of its views against the others."""
+"""Pairs of images from a single scan: a subset of its views against the others (Noise2Inverse)."""
 
 from dataclasses import dataclass
 
@@ -15,20 +15,20 @@ from pnpct.training.pairs import Pair
 class SplitViewPairs:
     """Pairs by number: the same number is the same pair, whoever asks, in whatever order.
 
-    With the views of a scan dealt out to K parts in turn, and an image of each,
+    With the views of a scan divided into K interleaved subsets, and an image of each,
 
         target = part j,     input = mean of the other parts.
 
     Both show one object, and no view is in both, so that their noise is independent as long as that of the views is;
     what is wrong in all views alike, such as beam hardening, is learnt as anatomy. The input has K/(K − 1) times the
-    noise power of an image from all views, which the network will see: more parts are closer to it, but each has
+    noise power of an image from all views, which the network will be given: more parts are closer to it, but each has
     stronger streaks.
 
     Args:
-        parts: Images of the parts, relative to water, linear in the data; the first axis is that of the parts.
-        seed: Of everything that is drawn.
+        parts: Images of the subsets, relative to water, linear in the data, along the first axis.
+        seed: Seed of everything that is drawn.
         augment: Whether pairs are mirrored, turned, moved and scaled at random.
-        side: Rows and columns of a square that is cut out at random; None takes whole images.
+        side: Rows and columns of a patch, taken at random; None takes whole images.
 
     Raises:
         ValueError: If there are fewer than two parts, or their values are not finite.

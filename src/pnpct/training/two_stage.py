@@ -1,9 +1,9 @@
-"""The paper's training: noise to noise on low-dose pairs, then fine-tuning on pairs of low and high dose.
+"""The paper's training: Noise2Noise on low-dose pairs, then fine-tuning on pairs of low and high dose.
 
     stage 1   L = L_MSE + λ_SSIM L_SSIM                      between D(v_low) and another v_low
     stage 2   L = L_MSE + λ_tex L_tex + λ_ca L_ca            between D(v_low) and v_high
 
-D is the network, v are images. Both stages use Adam, whose learning rate falls by a factor after each epoch.
+D is the network, v are images. Both stages use Adam; its learning rate falls by a factor after each epoch.
 """
 
 import copy
@@ -60,12 +60,12 @@ def two_stage(
         noisy: Low-dose pairs with independent noise.
         dosed: Pairs of low and high dose.
         epochs: Epochs of the first and of the second stage.
-        losses: What is made small in the first and in the second stage.
+        losses: Loss of the first and of the second stage.
         after: Epoch to continue from; None begins.
         **options: As for `train`.
 
     Raises:
-        ValueError: If a number is out of its range, or the epoch is of other training.
+        ValueError: If a number is out of range, or the epoch is of other training.
     """
     if min(epochs) < 1:  # before the first stage, not after its hours
         raise ValueError(f"Both stages need at least one epoch, got {epochs[0]} and {epochs[1]}.")
@@ -97,19 +97,19 @@ def train(
     Args:
         D: The network, on its device; its weights change.
         pairs: Pairs by number; each epoch has numbers of its own.
-        stage: What the epochs are called.
-        loss: From output and target to what is made small.
+        stage: Name of the stage.
+        loss: From output and target to the loss.
         epochs: Epochs in all, those before `after` included.
-        pairs_per_epoch: Pairs in an epoch, a multiple of the batch.
+        pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
         batch: Pairs of one step of the optimizer, shared out evenly among processes.
         micro_batch: Pairs that pass through the network together, at least 1; more are faster, but take more memory.
-        learning_rate: Of Adam, in the first epoch.
+        learning_rate: Learning rate of Adam in the first epoch.
         decay: Factor of the learning rate after each epoch, 0 to 1.
-        bfloat16: Whether the network computes in bfloat16 where that is exact enough.
+        bfloat16: Whether the network computes in bfloat16 where that is accurate enough.
         after: Epoch to continue from.
 
     Raises:
-        ValueError: If a number is out of its range, the epoch is of another stage, or the loss diverges.
+        ValueError: If a number is out of range, the epoch is of another stage, or the loss diverges.
     """
     rank, world = (distributed.get_rank(), distributed.get_world_size()) if distributed.is_initialized() else (0, 1)
     if min(epochs, pairs_per_epoch, batch, micro_batch) < 1:
@@ -145,6 +145,6 @@ def train(
         if world > 1:
             distributed.all_reduce(total)
         if not total.isfinite():
-            raise ValueError(f"The loss is no number in epoch {number + 1} of {stage}; lower the learning rate.")
+            raise ValueError(f"The loss is not finite in epoch {number + 1} of {stage}; lower the learning rate.")
         weights = {name: value.detach().cpu().clone() for name, value in D.state_dict().items()}
         yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, copy.deepcopy(optimizer.state_dict()))

@@ -1,4 +1,4 @@
-"""How far a network is from what it learns towards, on examples that it does not learn from."""
+"""How far a network is from its targets, on examples that are held out."""
 
 from collections.abc import Callable
 from statistics import median
@@ -11,7 +11,7 @@ from pnpct.training.examples import Example
 from pnpct.units import to_hu
 
 VALIDATION_EXAMPLES = 8
-"""Examples that the progress of training is judged by; always the same."""
+"""Examples for validation; always the same."""
 
 
 def validate(D: nn.Module, examples: Callable[[int], Example]) -> dict[str, float]:
