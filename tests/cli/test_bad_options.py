@@ -28,7 +28,7 @@ OPTIONS = [
     Case("a beta of 0 for tv", GOOD + " --method tv --beta 0", "beta positive 0"),
     Case("a sigma_v of 0", GOOD + " --sigma-v 0", "sigma_v positive 0"),
     Case("both beta and sigma_v", GOOD + " --beta 0.3 --sigma-v 20", "beta sigma_v one of them"),
-    Case("more damping than there is", GOOD + " --damping 1.5", "damping share from 0 to 1 1.5"),
+    Case("more damping than there is", GOOD + " --damping 1.5", "damping fraction from 0 to 1 1.5"),
     Case("damping for tv", GOOD + " --method tv --damping 0.5", "--damping no effect tv pnp"),
     Case("no iterations", GOOD + " --iterations 0", "at least one iteration 0"),
     Case("no inner iterations", GOOD + " --inner-iterations 0", "at least one inner iteration 0"),

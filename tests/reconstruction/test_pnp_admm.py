@@ -233,7 +233,7 @@ def test_damped_entirely_admm_has_no_memory(sinogram, A, start):
     ("call", "words"),
     [
         (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, beta=0.0)), "beta must be a positive number"),
-        (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, damping=1.1)), "a share from 0 to 1, got 1.1"),
+        (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, damping=1.1)), "a fraction from 0 to 1, got 1.1"),
         (
             lambda s, A, start: next(until(iter([]), start, A, iterations=0, stop="never")),
             "at least one iteration, got 0",

@@ -1,4 +1,4 @@
-"""Attention after CBAM: which channels, and which pixels, the next layers should heed."""
+"""Attention after CBAM: weights of the channels and of the pixels."""
 
 from typing import Literal, TypeAlias
 
@@ -56,7 +56,7 @@ class ConvolutionalAttention(nn.Module):
     def _channel_scores(self, features: Features) -> Features:
         scores: Features
         if self.attention == "local":
-            # The mean and W₁ commute; few channels are quicker to average than many.
+            # The mean and W₁ commute; few channels are faster to average than many.
             scores = self.excite(torch.relu(_window_mean(self.squeeze(features), self.window)))
         else:
             scores = self.excite(torch.relu(self.squeeze(features.mean(dim=(2, 3), keepdim=True))))
@@ -65,7 +65,7 @@ class ConvolutionalAttention(nn.Module):
 
 
 def _window_mean(features: Features, window: int) -> Features:
-    # Products with two narrow-banded matrices: on patches ten times quicker than pooling.
+    # Products with two narrow-banded matrices: on patches ten times faster than pooling.
     over_rows, over_cols = (_means_of_neighbours(length, window, features) for length in features.shape[-2:])
     return over_rows @ features @ over_cols.mT
 

@@ -22,7 +22,7 @@ class Classical:
     Args:
         make: Makes it from its strength.
         unit: Unit of the strength.
-        usual: Strength that suits a body at a low dose.
+        usual: Strength that suits a low-dose scan of a body.
     """
 
     make: Callable[[float], Denoise]
@@ -60,6 +60,6 @@ def make_denoiser(name: str, strength: float | None = None) -> Denoise:
         raise ValueError(f'There is no denoiser "{name}"; there are {", ".join(DENOISERS)}.')
     known = DENOISERS[name]
     strength = known.usual if strength is None else strength
-    if not 0 <= strength < math.inf:  # in its own unit: the denoisers would say it in units of the image
+    if not 0 <= strength < math.inf:  # in its own unit: the denoisers' own errors are in units of the image
         raise ValueError(f"The strength of {name} is a number of {known.unit} from 0 up, got {strength:g}.")
     return known.make(strength)

@@ -12,9 +12,9 @@ from pnpct.arrays import Image
 from pnpct.denoisers.noise_level import NoiseLevel, check_noise_level
 
 DENSEST = 4.0
-"""What a network is shown at most, relative to water: 3000 HU, more than any bone.
+"""The largest value that a network is given, relative to water: 3000 HU, more than any bone.
 
-What metal has beyond is handed on as it is: in the loop of ADMM networks made it denser with each iteration.
+What metal exceeds it by is passed on unchanged: in the ADMM loop networks made metal denser with each iteration.
 """
 
 
@@ -23,7 +23,7 @@ class LearnedDenoiser:
     """Denoise by a trained network: a callable from image to image, with any leading dimensions.
 
     It keeps a copy of the network: what happens to that later, in training or otherwise, does not change it. The
-    copy is laid out with the channels last, which is quicker on processors, and stays on the device of the network;
+    copy is laid out with the channels last, which is faster on CPUs, and stays on the device of the network;
     images come from any device and go back to theirs, in their type. What exceeds `DENSEST` is added again afterwards.
     Not differentiable.
 
@@ -31,19 +31,19 @@ class LearnedDenoiser:
         network: Takes images [batch, rows, cols] relative to water, and a noise level too if it has `noise_input`.
         noise_level: Standard deviation of the noise in units of the image, ≥ 0 (0.03 is 30 HU), or a map that
             broadcasts to the image; for networks conditioned on it, and only for these.
-        passes: How often the network is applied, 1 to 4; 1.5 is the mean of once and twice. A second pass takes away
-            what the first has left, and some of the finest detail.
-        bfloat16: Compute with 8 bits of precision instead of 24 inside the network, about twice as quick on hardware
-            made for it. The image itself is not rounded: behind the `n2n` that comes with the package the
+        passes: How often the network is applied, 1 to 4; 1.5 is the mean of once and twice. A second pass removes
+            noise that the first has left, and some of the finest detail.
+        bfloat16: Compute with 8 bits of precision instead of 24 inside the network, about twice as fast on hardware
+            that supports it. The image itself is not rounded: behind the `n2n` that comes with the package the
             result changes by 0.1, 0.2 and 0.3 HU (root mean square) where the noise was 10, 50 and 200 HU.
-        batch: Slices that are worked on together, at least 1. On a processor one is quickest; more keep a graphics
-            card busy and need more memory.
-        name: What readers call it, such as "n2n".
+        batch: Slices that are denoised together, at least 1. On a CPU one is fastest; more keep a GPU
+            busy and need more memory.
+        name: Its name for readers, such as "n2n".
         sha256: Of the file with the weights, in hexadecimal.
 
     Raises:
-        ValueError: If the noise level is missing, not wanted, negative or not finite, or `passes` or `batch` is out of
-            its range.
+        ValueError: If the noise level is missing, not applicable, negative or not finite, or `passes` or `batch` is out
+            of range.
 
     Example:
         >>> from pnpct.denoisers.rdn_cbam import RDNCBAM
@@ -76,9 +76,9 @@ class LearnedDenoiser:
     def settings(self) -> dict[str, Any]:
         """All that its images depend on, as plain values."""
         level = self._level
-        told = {} if level is None else {"noise_level_hu": 1000 * level.item() if level.numel() == 1 else "map"}
+        level_hu = {} if level is None else {"noise_level_hu": 1000 * level.item() if level.numel() == 1 else "map"}
         which = {"denoiser": self.name or type(self.network).__name__, "denoiser_sha256": self.sha256 or None}
-        return {**which, **told, "passes": self.passes, "bfloat16": self.bfloat16}
+        return {**which, **level_hu, "passes": self.passes, "bfloat16": self.bfloat16}
 
     def to(self, device: torch.device) -> "LearnedDenoiser":
         """Return the same denoiser with its network on another device."""

@@ -1,4 +1,4 @@
-"""What a network costs: numbers to learn, and multiplications for an image."""
+"""What a network costs: parameters, and multiplications per image."""
 
 import copy
 from dataclasses import dataclass

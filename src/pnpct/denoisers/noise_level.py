@@ -10,12 +10,12 @@ NoiseLevel: TypeAlias = float | Float[Tensor, "..."]
 
 
 def is_noise_conditioned(network: nn.Module) -> bool:
-    """Say whether a network takes the noise level beside the image: it then has a true `noise_input`."""
+    """Return whether a network takes the noise level beside the image: it then has a true `noise_input`."""
     return bool(getattr(network, "noise_input", False))
 
 
 def check_noise_level(network: nn.Module, noise_level: NoiseLevel | None) -> None:
-    """Refuse a noise level that is missing or not wanted.
+    """Refuse a noise level that is missing or not applicable.
 
     Raises:
         ValueError: If a noise-conditioned network gets none, or another one gets one.

@@ -1,4 +1,4 @@
-"""Non-local means: an average over pixels whose surroundings look alike."""
+"""Non-local means: an average over pixels with similar surroundings."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pnpct.arrays import Image
 
 @dataclass(frozen=True)
 class NonlocalMeans:
-    """Average every pixel with the pixels near it whose patches are alike, slice by slice.
+    """Average every pixel with nearby pixels that have similar patches, slice by slice.
 
     v(i) = Σ_j w_ij z(j) / Σ_j w_ij,   w_ij = exp(−max(d²_ij − 2σ², 0) / (cutoff · σ)²),
 
@@ -23,12 +23,11 @@ class NonlocalMeans:
         strength: Standard deviation σ ≥ 0 of the noise in units of the image: 0.03 is 30 HU. 0 leaves the
             image as it is.
         patch: Side of the patches in pixels, at least 1.
-        distance: How far from a pixel its likes are looked for, along rows and columns, in pixels, at least
-            1.
+        distance: Half width of the search window around a pixel, pixels, at least 1.
         cutoff: Decay of the weights relative to σ, positive; larger is smoother.
 
     Raises:
-        ValueError: If a number is outside its range.
+        ValueError: If a number is out of range.
 
     References:
         Buades, Coll and Morel, CVPR 2005; Darbon et al., ISBI 2008 (the fast form, with box patches).

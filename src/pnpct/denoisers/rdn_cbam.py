@@ -28,7 +28,7 @@ class RDNSize:
             work and twice the reach.
 
     Raises:
-        ValueError: If a number is outside its range.
+        ValueError: If a number is out of range.
     """
 
     features: int
@@ -55,7 +55,7 @@ SIZES: dict[str, RDNSize] = {
 class RDNCBAM(nn.Module):
     """A residual dense network with attention; a new one returns its input.
 
-    It sees x = image − 1 (HU / 1000, water 0), not clipped, since clipped noise has a mean, and returns
+    It is given x = image − 1 (HU / 1000, water 0), not clipped, since clipped noise has a mean, and returns
 
         image − noise(x),   noise = C(f₀ + G[f₁ … f_D]),   f_d = f_{d−1} + attention(L[f_{d−1}, dense layers]),
 
@@ -96,7 +96,7 @@ class RDNCBAM(nn.Module):
 
     @override
     def forward(self, image: Image, noise_level: NoiseLevel | None = None) -> Image:
-        """Return the image without the noise that is seen in it.
+        """Return the image without the noise found in it.
 
         Args:
             image: Attenuation relative to water, in the type and on the device of the network.

@@ -1,4 +1,4 @@
-"""RED-CNN, the network that others are measured by."""
+"""RED-CNN, the network that others are compared with."""
 
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ from pnpct.denoisers.attention import Features
 _LAYERS = 5
 _SIDE = 5
 LEAST_SIDE = _LAYERS * (_SIDE - 1) + 1
-"""Fewest rows and columns of an image: without padding, each convolution takes four away."""
+"""Smallest number of rows and columns of an image: without padding, each convolution takes four away."""
 
 
 class REDCNN(nn.Module):
@@ -21,7 +21,7 @@ class REDCNN(nn.Module):
     All have 5 × 5 pixels, no padding and a ReLU; the input, and the features after the second and the fourth
     convolution, are added on the way back, before the ReLU. Apart from the authors':
 
-    - It sees image − 1 (HU / 1000, water 0) rather than HU from −1024 to 3072 mapped to 0 to 1, the same input
+    - It is given image − 1 (HU / 1000, water 0) rather than HU from −1024 to 3072 mapped to 0 to 1, the same input
       as `RDNCBAM`.
     - The last ReLU is left out. It turns all noise below air into air, so that the noise that is left has a
       mean, and training on pairs of noisy images learns that mean. `network(image).clamp(min=0)` brings it back.

@@ -48,7 +48,7 @@ class TotalVariation:
     Args:
         strength: λ ≥ 0, in units of the image × pixel: 0.03 is 30 HU × pixel. A disc of radius ρ pixels loses
             2λ/ρ of its height; details whose height × radius is below 2λ vanish. 0 leaves the image as it is.
-        iterations: Most steps, at least 1; about 2 ms each for 512 × 512 pixels on one core.
+        iterations: Maximum number of steps, at least 1; about 2 ms each for 512 × 512 pixels on one core.
         tolerance: Guaranteed root mean square distance from the exact minimiser, in units of the image, > 0:
             0.001 is 1 HU.
 

@@ -14,7 +14,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ConeBeam:
-    """A cone beam: in each view all rows of the detector see the focal spot, which turns around the z axis.
+    """A cone beam: all rows of the detector face the focal spot, which rotates about the z axis.
 
     At view angle β and height z the nominal focal spot is at (−R sin β, R cos β, z), R the distance to the axis: at
     the top for β = 0, counter-clockwise with growing β. The ray to the bin at fan angle γ runs, seen along the axis,
@@ -28,8 +28,8 @@ class ConeBeam:
         source_to_detector: Distance D from the nominal focal spot to the detector, mm.
 
     Raises:
-        ValueError: If a distance is not positive, the detector is not beyond the axis, or the fan opens to half a
-            turn.
+        ValueError: If a distance is not positive, the detector is not beyond the axis, or the fan opens to 180
+            degrees.
 
     References:
         The conventions are those of CatSim's default scanner.

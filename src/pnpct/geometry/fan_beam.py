@@ -35,7 +35,7 @@ class FanBeam:
 
     Raises:
         ValueError: If a number is not finite or not positive, the detector is not beyond the isocentre, or the
-            fan opens to half a turn.
+            fan opens to 180 degrees.
 
     References:
         The conventions are those of CatSim's default scanner.
@@ -65,7 +65,7 @@ class FanBeam:
         longer by the factor √(1 + (v/D)²).
 
         Args:
-            geometry: A cone beam all of whose views are at one height.
+            geometry: A cone beam with all views at one height.
 
         Raises:
             ValueError: If the focal spot changes its height.
@@ -136,7 +136,7 @@ class FanBeam:
         return self.cone_beam.field_of_view_radius
 
     def grid(self, size: int = 512) -> ImageGrid:
-        """Return square pixels over the circle that the fan sees.
+        """Return square pixels over the field of view of the fan.
 
         Args:
             size: Rows and columns, at least 1.

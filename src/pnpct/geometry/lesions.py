@@ -40,7 +40,7 @@ class Lesion:
 
 @dataclass(frozen=True)
 class Insert:
-    """A cylinder along z in a phantom of water, whose contrast comes from its density alone.
+    """A cylinder along z in a phantom of water, with contrast from density alone.
 
     Args:
         diameter: mm, > 0.
@@ -67,7 +67,7 @@ class Insert:
 
 
 def disc_mask(center: tuple[float, float], radius: float, grid: ImageGrid) -> NDArray[np.float64]:
-    """Return the share of each pixel inside a disc: 1 within, 0 without, and between on the outline.
+    """Return the fraction of each pixel inside a disc: 1 within, 0 without, and between on the outline.
 
     The outline is one pixel wide: w = ½ − (distance from the centre − radius) / spacing, from 0 to 1.
 
@@ -84,7 +84,7 @@ def disc_mask(center: tuple[float, float], radius: float, grid: ImageGrid) -> ND
 
 
 def lesion_mask(lesions: Sequence[Lesion], z: float, grid: ImageGrid) -> NDArray[np.float64]:
-    """Return the share of each pixel inside a lesion; the outline is that of `disc_mask`, of a sphere.
+    """Return the fraction of each pixel inside a lesion; the outline is that of `disc_mask`, of a sphere.
 
     Where lesions overlap it is that of the one to which more of the pixel belongs.
 

@@ -57,12 +57,12 @@ def view_numbers(chosen: Views, views: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The way of the focal spot around the patient, and along: a circle, a helix, or any set of views.
+    """The path of the focal spot around and along the patient: a circle, a helix, or any set of views.
 
     `trajectory[...]` is the trajectory of a subset of the views.
 
     Args:
-        angles: View angle β of each view, rad, in any order; a helix of several turns goes on beyond 2π.
+        angles: View angle β of each view, rad, in any order; a helix of several rotations goes beyond 2π.
         z: Height of each view, mm, growing towards the head: of the nominal focal spot and of the middle of the
             detector. Empty if all are at 0.
         focal_spot_shifts: For each view the shift of the focal spot (towards growing fan angle, away from the axis,

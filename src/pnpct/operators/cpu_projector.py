@@ -19,7 +19,7 @@ LANES = 32
 class CpuProjector:
     """Forward and transpose of the same strips, for arrays [slice][row][col] and [slice][ray].
 
-    The working arrays of one tile are kept between calls, because fresh memory costs as much as the work; a lock
+    The working arrays of one tile are cached between calls, because fresh memory costs as much as the work; a lock
     makes calls from several threads take turns.
     """
 

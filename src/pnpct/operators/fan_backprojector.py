@@ -20,7 +20,7 @@ WIDEST_FAN = np.pi / 4
 
 @final
 class FanBackprojector:
-    """Sum over the views what each pixel reads between two bins, over its squared distance.
+    """Sum over the views the value interpolated between two bins at each pixel, over its squared distance.
 
         image(x) = Σ_views  q(view, bin(x)) / L(x)²
 

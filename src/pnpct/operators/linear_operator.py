@@ -11,11 +11,11 @@ Shape = tuple[int, ...]
 
 
 class LinearOperator(ABC):
-    """A linear map between arrays whose trailing shapes are fixed; leading dimensions are a batch.
+    """A linear map between arrays with fixed trailing shapes; leading dimensions are a batch.
 
-    A subclass says `domain_shape` and `range_shape` and gives `forward` and `adjoint`; calling the operator checks
-    the shape once for everybody. Whatever is summed over an image or over its rays is summed over `domain_dims` or
-    `range_dims`, so that it holds for volumes too.
+    A subclass has `domain_shape` and `range_shape`, `forward` and `adjoint`; calling the operator checks the shape.
+    Whatever is summed over an image or over its rays is summed over `domain_dims` or `range_dims`, so that it holds for
+    volumes too.
     """
 
     domain_shape: Shape

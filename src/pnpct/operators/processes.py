@@ -58,7 +58,7 @@ def side_by_side(
                 yield job.result()
         except BrokenProcessPool as error:
             raise OSError(
-                "A process has died: for want of memory, then start again with fewer processes; or because a script "
+                "A process has died: for lack of memory, then start again with fewer processes; or because a script "
                 'has no `if __name__ == "__main__":`.'
             ) from error
         finally:

@@ -16,7 +16,7 @@ _SOFT = (1.0, 0.815, 0.4564, 0.1636, 0.0)
 """The "soft" kernel of CatSim's reconstruction at 0, 1/4, 1/2, 3/4 and 1 of the Nyquist frequency."""
 
 _SLICES = 4
-"""Slices filtered at once: larger temporaries cost more in fresh memory than in arithmetic."""
+"""Slices filtered together: larger temporaries cost more in fresh memory than in arithmetic."""
 
 
 def ramp_filter(rays: Rays, *, spacing: float, equiangular: bool, kernel: Kernel) -> Rays:

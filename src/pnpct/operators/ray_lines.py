@@ -101,8 +101,8 @@ def _check_reach(grid: ImageGrid, geometry: FanBeam) -> None:
     gap = math.hypot(*(max(abs(middle) - side, 0.0) for middle, side in zip(grid.center, half, strict=True)))
     if gap >= geometry.field_of_view_radius:
         raise ValueError(
-            f"No ray meets the image: the fan sees a circle of radius {geometry.field_of_view_radius:.1f} mm about the "
-            f"isocentre, the image begins {gap:.1f} mm away from it."
+            f"No ray meets the image: the field of view has a radius of {geometry.field_of_view_radius:.1f} mm and the "
+            f"image begins {gap:.1f} mm from the isocentre."
         )
 
 

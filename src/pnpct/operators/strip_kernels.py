@@ -25,7 +25,7 @@ BLOCK = 64
 """Images have rows in multiples of this."""
 
 CHUNK = 32
-"""Strips treated before their weights are used: reading at once what was just written would stall."""
+"""Strips treated before their weights are used: reading immediately what was just written would stall."""
 
 LEFT, RIGHT = 1, 3
 """Columns of zeros beside the image; strips that begin outside are moved there."""
@@ -101,7 +101,7 @@ def _steps(context: Any, builder: ir.IRBuilder, signature: Any, args: Any, taps:
 
 
 def _together(taps: int, size: int) -> int:
-    """Taps that one vector of at most 16 floats holds at once, 1 if they do not fit."""
+    """Taps that one vector of at most 16 floats holds, 1 if they do not fit."""
     padded = 2 if taps == 2 else 4
     return padded if padded * size <= 16 else 1
 

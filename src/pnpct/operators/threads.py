@@ -1,7 +1,7 @@
 """Threads for compiled kernels that release the interpreter lock.
 
-numba's own parallel loops are not used: its default threading layer must not be entered from two Python threads at
-once, and its kernels take several times longer to compile and to load.
+numba's own parallel loops are not used: its default threading layer must not be entered by two Python threads
+simultaneously, and its kernels take several times longer to compile and to load.
 """
 
 import os

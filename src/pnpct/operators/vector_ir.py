@@ -1,4 +1,4 @@
-"""Words for writing vector instructions in numba intrinsics.
+"""Shorthand for vector instructions in numba intrinsics.
 
 numba's cache on disk looks at the file of a kernel alone: after a change here, delete the `__pycache__` folder.
 """
@@ -15,7 +15,7 @@ FLOAT, INT, LONG = ir.FloatType(), ir.IntType(32), ir.IntType(64)
 
 
 class Vector:
-    """Words for <size x float> instructions on an LLVM builder."""
+    """Shorthand for <size x float> instructions on an LLVM builder."""
 
     def __init__(self, builder: ir.IRBuilder, size: int) -> None:
         self.builder, self.size, self.type = builder, size, ir.VectorType(FLOAT, size)

@@ -16,15 +16,15 @@ from pnpct.reconstruction.redundancy import ray_weights
 def fbp(line_integrals: Rays, projector: Projector, *, kernel: Kernel = "ram-lak") -> Image:
     """Reconstruct by filtered back-projection.
 
-    Each ray is weighted by cos γ and by the angle it stands for (`ray_weights`); the views are convolved with the ramp
+    Each ray is weighted by cos γ and by the angle it represents (`ray_weights`); the views are convolved with the ramp
     of their detector and back-projected over L². Statistical weights are not used.
 
         image = 1/mu_water Σ_β R^e / L² (h ∗ [weight · R cos γ · y])     e = 0 on an arc, 1 and D on a flat detector
 
     Args:
-        line_integrals: Measured line integrals; a full turn, a short scan, or any set of views. Lines that were not
+        line_integrals: Measured line integrals; a full rotation, a short scan, or any set of views. Lines that were not
             measured are taken from the nearest views.
-        projector: Says where the rays and the pixels are, and what water attenuates.
+        projector: The rays, the pixels, and the attenuation of water.
         kernel: "ram-lak", "shepp-logan", "hann" or "soft", from sharp to smooth.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Columns of the projector, pixel by pixel: what one view's bins see of each pixel.
+"""Columns of the projector, pixel by pixel: the footprint of each pixel on the bins of one view.
 
 The projector's kernels go along rays. A factorisation needs inner products of pixels, Σᵢ wᵢ aᵢⱼ aᵢₖ, and so the same
 weights sorted by pixel: for each view the first bin that sees the pixel, and the weights from there on.
@@ -34,7 +34,7 @@ class Footprints:
         angle = np.diff(A.geometry.fan_angle_edges).min()
         pixel = A.grid.spacing * (math.sqrt(2) if A.method == "distance-driven" else 2 * math.sqrt(2))
         self.width = math.ceil(pixel / nearest / angle) + 3
-        """Bins that are kept for a pixel, at least as many as see it."""
+        """Bins stored for a pixel, at least as many as it projects to."""
 
     def of_view(self, view: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Return the first bin that sees each pixel (or the number of bins), and the weights (pixels, width)."""

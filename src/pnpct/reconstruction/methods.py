@@ -24,19 +24,19 @@ from pnpct.reconstruction.stopping import RuleName, until
 ITERATIONS = 20
 
 DAMPING = 0.5
-"""Around a network: what u has collected counts for half in the next iteration, for a quarter in the one after.
+"""With a network: what u has collected counts for half in the next iteration, for a quarter in the one after.
 
 Undamped, the noise of x + u grows until networks take it for anatomy."""
 
 ResultName: TypeAlias = Literal["last", "mean"]
 
 Progress: TypeAlias = Callable[[Iterator[ADMMState], int], Iterable[ADMMState]]
-"""From the iterates of a method, and the most there can be, to the same iterates: shows or keeps them as they pass."""
+"""From the iterates of a method, and their maximum number, to the same iterates, displayed or recorded as they pass."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """An image, and how it came about.
+    """An image, and how it was made.
 
     Args:
         image: The image, relative to water.
@@ -97,7 +97,7 @@ class DenoisedFBP:
 
     Args:
         denoise: The denoiser.
-        kernel: Kernel of FBP; networks that pnpct trains expect the sharpest.
+        kernel: Kernel of FBP; pnpct's networks expect the sharpest.
     """
 
     denoise: Denoise
@@ -126,8 +126,8 @@ class TVPWLS:
     Args:
         strength: λ ≥ 0, HU × pixel.
         beta: Penalty of ADMM, > 0: only the speed depends on it.
-        iterations: Most iterations, at least 1.
-        stop: Rule that ends the iterations before.
+        iterations: Maximum number of iterations, at least 1.
+        stop: Stopping rule that may end the iterations earlier.
 
     References:
         Sidky and Pan, Phys. Med. Biol. 53 (2008) 4777; Fessler, IEEE Trans. Image Process. 3 (1994) 290.
@@ -165,7 +165,7 @@ class TVPWLS:
 class PlugAndPlay:
     """Plug-and-play ADMM, from `starting_state` on.
 
-    Around a trained network ADMM is damped and the image is the mean of its iterates, unless it is said otherwise.
+    With a trained network ADMM is damped and the image is the mean of its iterates, unless set otherwise.
     Networks are the proximal maps of no function: where the iterates should settle, they go on wandering and lose some
     of the finest detail, and their mean does less of both. Other denoisers have a limit, and the last iterate is
     nearest to it.
@@ -173,16 +173,16 @@ class PlugAndPlay:
     Args:
         denoise: D, with its strength inside.
         beta: Penalty in mean diagonals of AᵀWA, > 0; `BETA` if neither this nor `sigma_v` is given.
-        sigma_v: The penalty in other words, instead of `beta`: how well the denoised image is known, HU, > 0.
-        damping: Share of u that each iteration forgets, 0 to 1; the paper's ADMM has 0.
-        iterations: Most iterations, at least 1.
-        stop: Rule that ends the iterations before.
+        sigma_v: The penalty in HU, instead of `beta`: standard deviation that the denoised image is trusted to, > 0.
+        damping: Fraction of u that each iteration drops, 0 to 1; the paper's ADMM has 0.
+        iterations: Maximum number of iterations, at least 1.
+        stop: Stopping rule that may end the iterations earlier.
         solver: Solver of the data step.
-        inner_iterations: Least steps of an iterative solver in each iteration; its own default if None.
-        result: What the image is: the "last" of the denoised iterates v, or the "mean" of them all.
+        inner_iterations: Minimum steps of an iterative solver in each iteration; its own default if None.
+        result: The image that is returned: the "last" of the denoised iterates v, or the "mean" of them all.
 
     Raises:
-        ValueError: If an option is out of its range, or beta is given twice.
+        ValueError: If an option is out of range, or both penalties are given.
 
     References:
         The paper, Eqs. (4) to (6); He and Yuan, SIAM J. Numer. Anal. 50 (2012) 700, for the mean.
@@ -200,7 +200,7 @@ class PlugAndPlay:
 
     def __post_init__(self) -> None:
         if self.beta is not None and self.sigma_v is not None:
-            raise ValueError("beta and sigma_v say one thing in two units; give one of them.")
+            raise ValueError("beta and sigma_v are one penalty in two units; give one of them.")
         solver_by_name(self.solver, inner_iterations=self.inner_iterations)
 
     @property
@@ -236,7 +236,7 @@ class PlugAndPlay:
         return Reconstruction(image, {**self.settings, **penalty}, done, _stopped_by(self, done))
 
     def _suited(self) -> tuple[float, ResultName]:
-        """Damping and result: what suits the denoiser, where nothing else was said."""
+        """Damping and result: what suits the denoiser, where not set."""
         learned = isinstance(self.denoise, LearnedDenoiser)
         damping = DAMPING if learned else 0.0
         return damping if self.damping is None else self.damping, self.result or ("mean" if learned else "last")
@@ -264,7 +264,7 @@ def reconstruct(sinogram: Sinogram, A: Projector, denoise: Denoise, **options: A
         The image, relative to water.
 
     Raises:
-        ValueError: If an option is out of its range.
+        ValueError: If an option is out of range.
     """
     return PlugAndPlay(denoise, **options)(sinogram, A).image
 

@@ -16,13 +16,13 @@ from pnpct.reconstruction.fbp import fbp
 Operator: TypeAlias = Callable[[Image], Image]
 
 Solve: TypeAlias = Callable[[LinearOperator, Image, Image], Image]
-"""(H, b, x) -> better x: H maps an image to (AᵀWA + β) image, x is where to begin."""
+"""(H, b, x) -> better x: H maps an image to (AᵀWA + β) image, x is the image to begin from."""
 
 MakeSolver: TypeAlias = Callable[[Sinogram, Projector, Tensor], Solve]
 """(sinogram, A, β) -> Solve, β in the units of AᵀWA, one number per image."""
 
 INNER_ITERATIONS = 3
-"""Least steps of an iterative solver in each data step. Warm-started they add up; an exact solution is wasted."""
+"""Minimum steps of an iterative solver in each data step. Warm-started they add up; an exact solution is wasted."""
 
 MOST_INNER_ITERATIONS = 20
 """Steps that a solver takes while its residual is too large, as it is in the first data steps."""
@@ -83,9 +83,9 @@ def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
 
 
 def beta_from_sigma_v(sigma_v_hu: float, sinogram: Sinogram, A: Projector) -> float:
-    """Return the β that says the image is known beforehand to `sigma_v_hu`: β = 1/(σ_v² · mean diagonal).
+    """Return the β of a prior of standard deviation `sigma_v_hu`: β = 1/(σ_v² · mean diagonal).
 
-    It is the same knob in physical words, and means what it says if the weights are true inverse variances. For a
+    It is the same parameter in physical units, and is correct if the weights are true inverse variances. For a
     batch it is the mean over the images.
 
     Raises:
@@ -125,10 +125,10 @@ def conjugate_gradient(
     Args:
         H: Symmetric positive definite; it is applied once in each iteration.
         b: Right-hand side.
-        x: Where to begin.
+        x: Image to begin from.
         Hx: H of it.
-        iterations: Least steps, at least 1.
-        most: Most steps, where this is more.
+        iterations: Minimum steps, at least 1.
+        most: Maximum steps, where this is more.
         tolerance: Residual that is small enough, relative to the right-hand side.
         precondition: M⁻¹, symmetric positive definite; none for plain conjugate gradients.
 
@@ -167,7 +167,7 @@ def conjugate_gradient(
 
 
 def warm_started(iterations: int, precondition: Operator | None = None) -> Solve:
-    """Make a solver that takes a few conjugate-gradient steps from where it is told to begin.
+    """Make a solver that takes a few conjugate-gradient steps from the given image.
 
     It takes more, up to `MOST_INNER_ITERATIONS`, while the residual exceeds `TOLERANCE`. If it begins from the image it
     answered last, H of it is known: one product in each data step is saved.

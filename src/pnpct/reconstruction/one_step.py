@@ -18,7 +18,7 @@ _COLUMNS = 64
 def dense_cholesky(sinogram: Sinogram, A: Projector, beta: Tensor) -> Solve:
     """Make a solver that is exact: the Cholesky factor of the whole matrix AᵀWA + β, in float64.
 
-    It is the measure for the other solvers. AᵀWA is dense (all pixels meet on some ray), so that the factor of N
+    It is the reference for the other solvers. AᵀWA is dense (all pixels meet on some ray), so that the factor of N
     pixels takes 8 N² bytes.
 
     Raises:

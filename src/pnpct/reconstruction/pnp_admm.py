@@ -1,17 +1,17 @@
 """Plug-and-play ADMM: the paper's equations (2) to (6).
 
-The image that fits the weighted data and pleases a prior R,
+The image that fits the weighted data and a prior R,
 
     min ½ ‖A x − y‖²_W + λ R(v)   such that   x = v                                       (2), (3)
 
-is found in turns. Given v and the scaled dual variable u, x solves the normal equations (4a), (5); a denoiser takes
-the place of the proximal map of R (4b), (6); u collects what x and v disagree about (4c):
+is found by alternating. Given v and the scaled dual variable u, x solves the normal equations (4a), (5); a denoiser
+takes the place of the proximal map of R (4b), (6); u collects what x and v disagree about (4c):
 
     (AᵀWA + β) x = AᵀW y + β (v − u)
     v = D(x + u)
     u = u + x − v
 
-Around a network u may forget part of itself in each iteration: u = (1 − damping) (u + x − v).
+With a network, part of u may be dropped in each iteration: u = (1 − damping) (u + x − v).
 
 β here has no unit: it counts in mean diagonals of AᵀWA (`normal_equations.mean_diagonal`), so that one value serves
 every dose and geometry.
@@ -30,18 +30,18 @@ from pnpct.reconstruction.fourier import fourier
 from pnpct.reconstruction.normal_equations import MakeSolver, NormalOperator, mean_diagonal
 
 BETA = 1.0
-"""On the scale of the object. With a convex prior the image is the same from 0.3 to 3, and around 1 it is there first;
-the networks that come with the package have learnt what the loop looks like from 0.7 to 1.5. The paper has 1.2."""
+"""On the scale of the object. With a convex prior the image is the same from 0.3 to 3, and near 1 it converges fastest;
+the networks that come with the package were trained on loop images from 0.7 to 1.5. The paper has 1.2."""
 
 
 @dataclass(frozen=True, eq=False)
 class ADMMState:
-    """The three iterates of ADMM. To resume, hand a state back.
+    """The three iterates of ADMM. To resume, pass a state back.
 
     Args:
-        x: Image that was fitted to the data, relative to water.
-        v: Image that was denoised; the result.
-        u: Scaled dual variable: what the denoiser has taken away so far and the data want back.
+        x: Image fitted to the data, relative to water.
+        v: Denoised image; the result.
+        u: Scaled dual variable: the sum of what the denoiser has removed and the data demand back.
 
     Raises:
         ValueError: If the shapes differ.
@@ -80,9 +80,9 @@ def pnp_admm(
         sinogram: Line integrals y and weights W.
         A: The projector.
         denoise: D, with its strength inside.
-        state: Where to begin or to go on from.
+        state: State to begin or continue from.
         beta: Penalty β > 0 in mean diagonals of AᵀWA.
-        damping: Share of u that each iteration forgets, 0 ≤ damping ≤ 1. The paper has 0, where x and v agree in the
+        damping: Fraction of u that each iteration drops, 0 ≤ damping ≤ 1. The paper has 0, where x and v agree in the
             limit; 1 is half-quadratic splitting, without u.
         solver: Makes the solver of the normal equations from (sinogram, A, β).
 
@@ -90,7 +90,7 @@ def pnp_admm(
         The state after each iteration.
 
     Raises:
-        ValueError: If `beta` is not positive or `damping` not a share (at the first iteration).
+        ValueError: If `beta` is not positive or `damping` not from 0 to 1 (at the first iteration).
 
     References:
         Hajinezhad and Hong, Math. Program. 176 (2019) 207, for the damping;
@@ -99,7 +99,7 @@ def pnp_admm(
     if not 0 < beta < float("inf"):
         raise ValueError(f"beta must be a positive number, got {beta}.")
     if not 0 <= damping <= 1:
-        raise ValueError(f"damping is a share from 0 to 1, got {damping}.")
+        raise ValueError(f"damping is a fraction from 0 to 1, got {damping}.")
     y, W = sinogram.line_integrals, sinogram.weights
     penalty = beta * mean_diagonal(sinogram, A)
     H, AtWy = NormalOperator(A, W, penalty), A.T(W(y))

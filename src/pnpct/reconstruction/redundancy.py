@@ -1,4 +1,4 @@
-"""What each ray stands for in filtered back-projection, for any set of views.
+"""The angle that each ray represents in filtered back-projection, for any set of views.
 
 With f the filtered rays, FBP is an integral over all view angles β, in which every line appears twice, as the ray
 (β, γ) and as the ray (β + π + 2γ, −γ). It is exact for every share that divides a line between its two rays:
@@ -17,7 +17,7 @@ a ray lies inside what was measured, its distance from gaps times its distance f
 
     share = sin²(π/2 · q / (q + q′)),     q′ of the other ray.
 
-It is 1/2 over a full turn, Parker's weights in a short scan, and Wang's on a detector that is moved far aside.
+It is 1/2 over a full rotation, Parker's weights in a short scan, and Wang's on a detector that is moved far aside.
 
 References:
     Parker, Med. Phys. 9 (1982) 254; Wang, Med. Phys. 29 (2002) 1634.
@@ -50,7 +50,7 @@ _NOWHERE = 1e-9
 
 
 def ray_weights(geometry: FanBeam) -> Array:
-    """Return the angle that each ray stands for, rad: (views, bins).
+    """Return the angle that each ray represents, rad: (views, bins).
 
     For lines that were measured, the weights of their rays add up to the step between views.
     """
@@ -68,7 +68,7 @@ def ray_weights(geometry: FanBeam) -> Array:
 
 
 def view_steps(geometry: FanBeam) -> Array:
-    """Return the angle that each view stands for, rad: half of its two gaps, divided between repeated views."""
+    """Return the angle that each view represents, rad: half of its two gaps, divided between repeated views."""
     circle = _Circle.of(geometry)
     steps: Array = ((circle.gaps + np.roll(circle.gaps, 1)) / 2 / circle.repeats)[circle.number]
     return steps
@@ -101,7 +101,7 @@ class _Circle:
     @classmethod
     def of(cls, geometry: FanBeam) -> "_Circle":
         """Sort the views."""
-        # Angles a rounding error below a full turn belong to its beginning.
+        # Angles a rounding error below a full rotation belong to its beginning.
         beta = np.mod(np.asarray(geometry.view_angles) + SAME_ANGLE, TURN)
         order = np.argsort(beta, kind="stable")
         new = np.diff(beta[order], prepend=-1.0) > SAME_ANGLE

@@ -15,7 +15,7 @@ ITERATIVE: dict[str, Callable[..., Solve]] = {"fourier": fourier, "cholesky": ch
 """Solvers that take a few steps from the last x; they have `inner_iterations`."""
 
 DIRECT: dict[str, MakeSolver] = {"dense-cholesky": dense_cholesky, "fbp-blend": fbp_blend}
-"""Solvers that answer at once."""
+"""Solvers without iterations."""
 
 
 def solver_by_name(name: str, *, inner_iterations: int | None = None) -> MakeSolver:
@@ -23,14 +23,14 @@ def solver_by_name(name: str, *, inner_iterations: int | None = None) -> MakeSol
 
     Args:
         name: "fourier", "cholesky", "cg", "dense-cholesky" or "fbp-blend".
-        inner_iterations: Least steps of an iterative solver in each data step; its own default if None.
+        inner_iterations: Minimum steps of an iterative solver in each data step; its own default if None.
 
     Raises:
         ValueError: If there is no such solver, or it takes no inner iterations.
     """
     if name in DIRECT:
         if inner_iterations is not None:
-            raise ValueError(f"The solver {name} answers in one step and takes no inner iterations.")
+            raise ValueError(f"The solver {name} is direct and takes no inner iterations.")
         return DIRECT[name]
     if name not in ITERATIVE:
         known = ", ".join([*ITERATIVE, *DIRECT])

@@ -10,14 +10,14 @@ from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 
 ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
-"""Iterations around total variation and its strength, image × pixel, that take the streaks of metal away."""
+"""Iterations around total variation and its strength, image × pixel, that remove the streaks of metal."""
 
 
 def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
-    """Return the state to begin from: a smooth FBP image, without the streaks of metal if it shows any.
+    """Return the state to begin from: a smooth FBP image, without the streaks of metal if there are any.
 
-    Rays through metal hardly count, so the data step leaves the streaks that FBP makes of them, and networks take them
-    for anatomy. A few iterations around total variation remove them first.
+    Rays through metal have almost no weight, so the data step leaves the streaks that FBP makes of them, and networks
+    take them for anatomy. A few iterations around total variation remove them first.
 
     Args:
         sinogram: Line integrals and weights.

@@ -25,7 +25,7 @@ def change(before: ADMMState, after: ADMMState, dims: Dims) -> Tensor:
 def paper_rule(before: ADMMState, after: ADMMState, dims: Dims, *, tolerance: float = 1e-4) -> bool:
     """Stop once `change` is at most `tolerance`: at 1e-4 the iterates still move by 10 HU.
 
-    It is kept to repeat the paper. It holds after three to five iterations, long before convergence.
+    It is there to reproduce the paper. It holds after three to five iterations, long before convergence.
 
     References:
         The paper, appendix "Integration into PnP-MBIR Reconstruction".
@@ -62,7 +62,7 @@ def until(
         states: Iterates of ADMM.
         start: The state they began from.
         A: The projector, which knows the dimensions of an image.
-        iterations: Most states, at least 1.
+        iterations: Maximum number of states, at least 1.
         stop: Name of the rule, one of `STOP_RULES`.
 
     Raises:
