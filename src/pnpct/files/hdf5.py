@@ -70,7 +70,7 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If the content is incomplete, of another format or of a newer version, or leads to another file.
+        FileFormatError: If the content is incomplete, of another format or newer version, or leads to another file.
     """
     path = existing_file(path)
     with path.open("rb"):
