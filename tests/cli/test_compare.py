@@ -57,7 +57,7 @@ def test_options_of_scans_that_are_drawn_are_refused_where_all_are_measured(
     networks = ["--supervised", files["network"], "--two-stage", files["network"]]
     status, _, err = run("compare", tmp_path / "out", made / "scan.h5", *networks, *words.split())
     assert (status, err.count("\n")) == (2, 1)
-    assert "All scans are measured, and none is drawn" in err
+    assert "All of these are scans, so none is drawn" in err
     assert names in err
     assert not (tmp_path / "out").exists()
 
