@@ -1,8 +1,8 @@
-"""Draw the pictures of the guide to training scans: made-up patients, and one of them beside a real slice.
+"""Draw the pictures of the guide to training scans: procedural patients, and one of them beside a real slice.
 
     python docs/images/make_anatomies.py [ct_series/chest.npz]
 
-writes anatomies.png, and with a CT series also real-and-made-up.png, beside this file.
+writes anatomies.png, and with a CT series also real-and-procedural.png, beside this file.
 """
 
 import sys
@@ -53,7 +53,7 @@ def sheet(size: int) -> Picture.Image:
 
 
 def beside_a_real_slice(series: Path, size: int) -> Picture.Image:
-    """A chest that is made up, and one that was scanned."""
+    """A procedural chest, and a real one."""
     grid = ImageGrid(size, size, spacing=420.0 / size)
     procedural = shown(truth(ANATOMIES["chest"].build(np.random.default_rng(SEED)).slice(0.0, grid), grid))
     hu = read_volume(series).image_hu[REAL_SLICE].astype(np.float32)
@@ -67,7 +67,7 @@ def main() -> None:
     """Draw the pictures."""
     sheet(SIZE).save(HERE / "anatomies.png", optimize=True)
     if len(sys.argv) > 1:
-        beside_a_real_slice(Path(sys.argv[1]), 400).save(HERE / "real-and-made-up.png", optimize=True)
+        beside_a_real_slice(Path(sys.argv[1]), 400).save(HERE / "real-and-procedural.png", optimize=True)
 
 
 if __name__ == "__main__":
