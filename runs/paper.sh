@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# The whole experiment: scans that no network has learnt from, all methods at three doses, detectability, and the report.
-# Usage: runs/paper.sh FOLDER; then open FOLDER/comparison/report.html. It goes on where an interrupted run ended.
+# The whole experiment: scans that no network was trained on, all methods at three doses, detectability, and the report.
+# Usage: runs/paper.sh FOLDER; then open FOLDER/comparison/report.html. It resumes where an interrupted run ended.
 #
 # The networks are those that come with the package (runs/weights.sh trains them). On two cores the comparison of four
 # patients at three doses takes about an hour (one takes 13 minutes), the detectability at six doses longer; leave it out with PAIRS=0. Each
-# method at each dose is kept when it is done. Forty pairs are the least; 100 or more make intervals narrow enough to
-# judge the control by.
+# method at each dose is saved when it is done. Forty pairs are the minimum; 100 or more make intervals narrow enough to
+# judge the control.
 set -euo pipefail
 folder="${1:?a folder for the results}"
 mkdir -p "$folder"

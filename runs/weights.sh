@@ -2,21 +2,21 @@
 # Train the networks that come with the package: about seven and a half hours on two cores.
 # Usage: runs/weights.sh FOLDER; it goes on where an interrupted run ended.
 #
-# FOLDER holds two patients besides those that are made up: neck.npz, the 80 slices of the series TCGA-E3-A3E5 (TCIA
+# FOLDER holds two patients besides the procedural ones: neck.npz, the 80 slices of the series TCGA-E3-A3E5 (TCIA
 # TCGA-THCA, CC BY 3.0), and slab.zip, the adult female chest slab of XCIST (BSD-3). runs/weights holds the manifests of
 # the data sets and the logs of the networks that were shipped.
 set -euo pipefail
 runs=$(cd "$(dirname "$0")" && pwd)
 cd "$1"
-export OMP_NUM_THREADS=1  # two trainings side by side are quicker than two threads in one
+export OMP_NUM_THREADS=1  # two trainings side by side are faster than two threads in one
 
 pnpct simulate dataset scans --cases 40 --stations 5 --rows 1 --noise-hu 15 --seed 1 --body neck.npz slab.zip
-# The neck again, at more heights, and as wide as a chest: real edges are softer than those of patients that are made up.
+# The neck again, at more heights, and as wide as a chest: real edges are softer than those of procedural patients.
 python -c 'import numpy; neck = dict(numpy.load("neck.npz")); neck["spacing_mm"] *= 1.6; numpy.savez_compressed("wide", **neck)'
 pnpct simulate dataset real --cases 0 --stations 20 --rows 1 --noise-hu 15 --seed 2 --body neck.npz wide.npz \
   --validation 0 --test 0
 
-# Both networks of a round, side by side: its name, the round before, epochs of noise to noise and of dose pairs, options
+# Both networks of a round, side by side: its name, the round before, epochs of Noise2Noise and of dose pairs, options
 # of the two-stage network alone, options of both.
 train() {
   local round=$1 before=$2 noisy=$3 dosed=$4 losses=$5
@@ -30,8 +30,8 @@ train() {
   wait $!
 }
 
-# The first learn what the loop of ADMM looks like around total variation, the second and third what it looks like around
-# the first, the next three what it looks like in all of its iterations around the third.
+# The first are trained on the ADMM loop with total variation, the second and third on the loop with the first, the next
+# three on all iterations of the loop with the third.
 train first "" 14 8 "" --seed 1 --examples 200 --discount 2 --learning-rate 2e-3 --decay 0.88
 around_first=(--seed 2 --examples 140 --loop-denoiser first.safetensors --loop-iterations 5)
 train second first 6 16 "" "${around_first[@]}" --discount 2 --learning-rate 1e-3 --decay 0.85
@@ -42,7 +42,7 @@ train fifth fourth 1 13 "" "${around_third[@]}" --discount 0.5 --learning-rate 1
 train sixth fifth 1 13 "" "${around_third[@]}" --examples 95 --discount 0.5 --learning-rate 1e-3 --decay 0.82
 
 # From here on the reference has next to no noise, and soon the contrast of soft tissue weighs more and texture less. The
-# ninth learn what the loop looks like around the eighth, the tenth around the ninth.
+# ninth are trained on the loop with the eighth, the tenth on the loop with the ninth.
 train seventh sixth 1 19 "" "${around_third[@]}" --reference 100000 --learning-rate 1e-3 --decay 0.87
 train eighth seventh 1 8 "--texture-weight 0 --contrast-weight 3e-4" "${around_third[@]}" --reference 100000 \
   --learning-rate 1e-3 --decay 0.8
@@ -52,20 +52,20 @@ train ninth eighth 1 31 "$soft" --highest-ma 400 --reference 100000 --seed 5 --e
 train tenth ninth 1 11 "$soft" --highest-ma 400 --reference 100000 --seed 6 --examples 64 --loop-denoiser ninth.safetensors \
   --loop-iterations 10 --learning-rate 7e-4 --decay 0.75
 
-# Now each image learns towards itself without noise, as sharp as it is: first around the tenth, then around the eleventh.
+# Now the target of each image is itself without noise, equally sharp: first with the tenth in the loop, then the eleventh.
 sharp=(--highest-ma 400 --also real --reference noise-free --learning-rate 1e-3)
 train eleventh tenth 1 9 "$soft" "${sharp[@]}" --seed 10 --examples 26 --loop-denoiser tenth.safetensors \
   --loop-iterations 12 --decay 0.85
 train twelfth eleventh 1 13 "$soft" "${sharp[@]}" --seed 11 --examples 64 --loop-denoiser eleventh.safetensors \
   --loop-iterations 12 --decay 0.85
 
-# ADMM is damped now, and four images of each loop are learnt from. What the thirteenth gained in chests they lost in the
+# ADMM is damped now, with four images of each loop. What the thirteenth gained in chests they lost in the
 # pelvis: their mean with the twelfth has most of the one and less of the other.
 damped=("${sharp[@]}" --loop-iterations 20 --loop-images 4)
 train thirteenth twelfth 1 13 "$soft" "${damped[@]}" --seed 15 --examples 72 --loop-denoiser twelfth.safetensors --decay 0.85
 python "$runs/mean_of_networks.py" n2n.safetensors twelfth.safetensors thirteenth.safetensors
 python "$runs/mean_of_networks.py" supervised.safetensors twelfth-supervised.safetensors thirteenth-supervised.safetensors
 
-# RED-CNN, the baseline from outside, for 35 minutes of one core; its steps take ten times as long.
+# RED-CNN, the published baseline, for 35 minutes of one core; its steps take ten times as long.
 pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --cache images --bfloat16 --side 64 --batch 8 \
   --pairs-per-epoch 256 "${around_third[@]}" --epochs 12 --learning-rate 1e-3 --decay 0.75 >> red-cnn.log
