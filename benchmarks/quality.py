@@ -149,7 +149,7 @@ def main() -> None:
     options.add_argument("--supervised", default="supervised")
     options.add_argument("--red-cnn", default="")
     options.add_argument("--seed", type=int, default=0, help="of the noise")
-    options.add_argument("--patients", type=int, default=PATIENTS, help="seed of the made-up ones")
+    options.add_argument("--patients", type=int, default=PATIENTS, help="seed of the procedural ones")
     options.add_argument("--no-classical", action="store_true", help="networks alone")
     given = options.parse_args()
     files = {"RED-CNN": given.red_cnn, "supervised": given.supervised, "two-stage": given.n2n}

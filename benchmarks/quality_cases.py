@@ -26,7 +26,7 @@ from pnpct.units import to_hu
 from reference_scans import FOLDER, chest
 
 PATIENTS = 900
-"""Seed of the made-up patients that the networks were chosen by."""
+"""Seed of the procedural patients that the networks were chosen by."""
 
 DIAMETER_MM, CONTRAST_HU = 12.0, -40.0
 

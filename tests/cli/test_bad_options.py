@@ -71,7 +71,7 @@ OPTIONS = [
     Case("noise without a series", SIMULATE + " --noise-hu 20", "--noise-hu --body 20"),
     Case("two patients", SIMULATE + " --anatomy head --body {here}/a.zip", "--anatomy --body", with_text("a.zip", "")),
     Case("a series in .npy", SIMULATE + " --body {here}/a.npy", "a.npy .npz", with_text("a.npy", "")),
-    Case("noise of made-up patients", DATASET + " --noise-hu 20", "noise needs such a series"),
+    Case("noise of procedural patients", DATASET + " --noise-hu 20", "noise needs such a series"),
     Case("a share that is no number", DATASET + " --validation nan", "shares"),
     Case("no cases", DATASET + " --cases 0", "needs patients"),
     Case("no rows", DATASET + " --rows 0", "rows at least 1 0"),
