@@ -76,7 +76,7 @@ def add_view(bins_from, shares, weights, starts, members, blocks, packed, first,
 def factorise(packed, beta, starts, blocks, values, first, last):
     """Write each column, M⁻¹ e₁ / √(e₁ᵀ M⁻¹ e₁) of its small matrix M = U D Uᵀ: that is U⁻ᵀ e₁ / √d₁.
 
-    Where rounding made M indefinite, it keeps the diagonal alone. (`np.linalg.solve` would take ten seconds to compile.)
+    Where rounding made M indefinite, it keeps the diagonal alone. (`np.linalg.solve` would take 10 s to compile.)
     """
     for column in range(first, last):
         start, size = starts[column], starts[column + 1] - starts[column]
