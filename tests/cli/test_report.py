@@ -6,7 +6,7 @@ import pytest
 from mistakes import Case as Mistake
 from mistakes import check, contents, with_text
 
-from pnpct.comparison import Case, Check, Comparison, Grid, Method, StoredImage, write_comparison
+from pnpct.comparison import Case, Check, ComparedMethod, Comparison, StoredImage, write_comparison
 from pnpct.comparison.image_hash import image_sha256
 from pnpct.files import Provenance, read_image, sha256_of
 
@@ -18,10 +18,11 @@ def compare(made, folder, *checks):
     folder.mkdir(exist_ok=True)
     (folder / "fbp.h5").write_bytes((made / "image.h5").read_bytes())
     image, grid = read_image(folder / "fbp.h5")
-    where = Grid(grid.rows, grid.cols, grid.spacing, grid.center)
     stored = {"fbp": StoredImage("fbp.h5", image_sha256(image, grid))}
-    case = Case("slice", "a slice", 40.0, 120.0, where, "a fan beam", (), stored)
-    comparison = Comparison(Provenance(["pnpct"], "0"), {}, (Method("fbp", "FBP", "fbp"),), (case,), checks=checks)
+    case = Case("slice", "a slice", 40.0, 120.0, grid, "a fan beam", (), stored)
+    comparison = Comparison(
+        Provenance(["pnpct"], "0"), {}, (ComparedMethod("fbp", "FBP", "baseline"),), (case,), checks=checks
+    )
     write_comparison(folder, comparison)
     return folder
 
@@ -51,10 +52,13 @@ def test_it_says_how_many_checks_have_failed(run, made, tmp_path):
 
 NOT_RESULTS = with_text("metrics.json", "{}")
 
+OLD_RESULTS = with_text("metrics.json", '{"format": "pnpct-comparison", "format_version": 1}')
+
 MISTAKES = [
     Mistake("no folder", "report {here}/none", "none cannot be written no folder"),
     Mistake("no results", "report {here} {here}/r.html", "metrics.json No such file"),
     Mistake("other results", "report {here} {here}/r.html", "metrics.json not what a comparison writes", NOT_RESULTS),
+    Mistake("an older version", "report {here} {here}/r.html", "metrics.json format version 1 reads 2", OLD_RESULTS),
     Mistake("another suffix", "report {here} {here}/report.pdf", "report.pdf must end in .html"),
     Mistake("no such place", "report {here} {here}/no/report.html", "no folder"),
 ]

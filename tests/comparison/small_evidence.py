@@ -1,18 +1,18 @@
-"""A scan of water with known noise, and a plan of methods that need no network."""
+"""A scan of water with known noise, and methods that need no network."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 
-from pnpct.comparison.candidates import Candidate, blurred, filtered
-from pnpct.comparison.honesty import Evidence
-from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import Method
+from pnpct.comparison import Candidate, Candidates, Study, controls
+from pnpct.comparison.data_checks import Evidence
 from pnpct.comparison.stored_images import ImageFolder
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
+from pnpct.reconstruction import FBP, PlugAndPlay, Reconstruction
 
 GRID = ImageGrid(64, 64, spacing=4.0)
 FAN = FanBeam(evenly_spaced_views(120), bins=130, source_to_isocenter=541.0, source_to_detector=949.0, bin_width=4.5)
@@ -37,34 +37,53 @@ def sinogram(truth: torch.Tensor = TRUTH, *, quanta: float = 1e5) -> Sinogram:
     return Sinogram(line_integrals + noise / weights.sqrt(), DiagonalWeights(weights))
 
 
-def known(name: str, change: torch.Tensor) -> Candidate:
-    """FBP with a change that the data know nothing of."""
-    fbp = filtered("hann")
-    return Candidate(Method(name, name, "denoiser"), lambda data, projector: fbp.make(data, projector) + change)
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """The same image whatever the data."""
+
+    image: torch.Tensor
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"sum": float(self.image.sum())}
+
+    def __call__(self, data: Sinogram, projector: Projector) -> torch.Tensor:
+        return self.image
+
+
+@dataclass(frozen=True)
+class Inventing(PlugAndPlay):
+    """FBP and something that the data know nothing of; the prior removes a part of that."""
+
+    def __call__(self, data: Sinogram, projector: Projector, **_: Any) -> Reconstruction:
+        image = FBP()(data, projector).image
+        return Reconstruction(image + (1 - self.beta / 2) * FAKE, self.settings)
 
 
 def fixed(name: str, image: torch.Tensor) -> Candidate:
-    """The same image whatever the data."""
-    return Candidate(Method(name, name, "denoiser"), lambda data, projector: image)
+    return Candidate(name, name, "compared", Fixed(image))
 
 
-@dataclass(frozen=True, kw_only=True)
-class SmallPlan(Plan):
-    """FBP, the control, a method that invents something, and one whose prior removes a part of that."""
-
-    def candidates(self) -> tuple[Candidate, ...]:
-        share = 1.0 - self.beta / 2
-        return filtered("hann"), blurred(3.0), known("liar", FAKE), known("prior", share * FAKE)
+def methods(*more: Candidate, blur: float = 3.0) -> Candidates:
+    """FBP and the control, and then others."""
+    return Candidates((*controls(blur_pixels=blur), *more))
 
 
-PLAN = SmallPlan(beta=1.0, lesion_hu=-200.0, lesion_diameter=40.0)
+def swept(beta: float = 1.0) -> Candidates:
+    return methods(Candidate("prior", "prior", "swept", Inventing(torch.clone, beta=beta)))
 
 
-def evidence(folder: Path, *, truth: torch.Tensor | None = TRUTH, plan: Plan = PLAN, **of_data: object) -> Evidence:
+STUDY = Study(lesion_hu=-200.0, lesion_diameter=40.0)
+
+
+def evidence(
+    folder: Path, given: Candidates | None = None, *, truth: torch.Tensor | None = TRUTH, **of_data: object
+) -> Evidence:
+    given = methods() if given is None else given
     data = sinogram(TRUTH if truth is None else truth, **of_data)
-    fbp = filtered("hann").make(data, A)
-    return Evidence("water", data, A, truth, fbp, plan, ImageFolder(folder, "images/water", GRID, {}))
+    fbp = given.baseline.make(data, A)
+    return Evidence("water", data, A, truth, fbp, given, STUDY, ImageFolder(folder, "images/water", GRID, {}))
 
 
 def images(of: Evidence) -> dict[str, torch.Tensor]:
-    return {each.method.name: each.make(of.sinogram, A) for each in of.plan.candidates()}
+    return {each.name: each.make(of.sinogram, A) for each in of.methods}

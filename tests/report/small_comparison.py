@@ -1,4 +1,4 @@
-"""A comparison of three methods on two cases, with something in every section; all numbers are made up."""
+"""A comparison of three methods on two cases, with something in every section; all numbers are invented."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,33 +11,32 @@ from pnpct.arrays import Image
 from pnpct.comparison import (
     Case,
     Check,
+    ComparedMethod,
     Comparison,
     Curve,
     Detail,
     DosePoint,
     DoseShare,
-    Grid,
     LeastReduction,
-    LesionResult,
-    Method,
     StoredImage,
     Task,
     TextureGroup,
     write_comparison,
 )
 from pnpct.comparison.image_hash import image_sha256
-from pnpct.evaluation import FEATURES, FeatureChange, Interval, Patch
+from pnpct.evaluation import FEATURES, Detectability, FeatureChange, Interval, LesionRecovery, Patch, TextureChange
 from pnpct.files import Provenance, read_image, write_image
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import ImageGrid, Lesion
 from pnpct.units import from_hu
 
 GRID = ImageGrid(64, 64, spacing=4.0, center=(10.0, -20.0))
 PROVENANCE = Provenance(["pnpct", "compare", "scans"], "0.1.0", seed=7, inputs={"network.safetensors": "ab" * 32})
 METHODS = (
-    Method("fbp", "FBP", "fbp", {"kernel": "hann"}),
-    Method("fbp-blurred", "Blurred FBP", "control", {"sigma_px": 1.25}),
-    Method("pnp", "PnP-ADMM", "plug-and-play", {"beta": 0.3, "denoiser": {"name": "rdn-cbam", "strength": 1.0}}),
+    ComparedMethod("fbp", "FBP", "baseline", {"kernel": "hann"}),
+    ComparedMethod("fbp-blurred", "Blurred FBP", "control", {"sigma_px": 1.25}),
+    ComparedMethod("pnp", "PnP-ADMM", "swept", {"beta": 0.3, "denoiser": {"name": "rdn-cbam", "strength": 1.0}}),
 )
+LESION = Lesion((30.0, 0.0, 0.0), radius=6.0, contrast_hu=-40.0)
 NAMES = [method.name for method in METHODS]
 
 
@@ -71,10 +70,9 @@ def make_comparison(folder: Path) -> Comparison:
         least_reductions=tuple(
             LeastReduction(name, "channelised Hotelling", "10 mm, −15 HU", DOSES[name]) for name in DOSES
         ),
-        lesions=tuple(
-            LesionResult("chest", name, "12 mm, −40 HU", -40.0, 1.0 - 0.21 * n, 0.031 * n, 0.42 * n)
-            for n, name in enumerate(NAMES)
-        ),
+        lesions={
+            "chest": {name: LesionRecovery(LESION, 1.0 - 0.21 * n, 0.031 * n, 0.42 * n) for n, name in enumerate(NAMES)}
+        },
         checks=CHECKS,
     )
     write_comparison(folder, comparison)
@@ -89,8 +87,8 @@ CHECKS = (
 )
 
 DOSES = {
-    "fbp-blurred": DoseShare("FBP hann at 320 mA", 0.97, 0.86, 1.09),
-    "pnp": DoseShare("FBP hann at 320 mA", 0.64, 0.55, 0.73),
+    "fbp-blurred": DoseShare("FBP hann at 320 mA", Interval(0.97, 0.86, 1.09, 0.06, 0.95)),
+    "pnp": DoseShare("FBP hann at 320 mA", Interval(0.64, 0.55, 0.73, 0.05, 0.95)),
 }
 
 
@@ -113,7 +111,7 @@ def _case(folder: Path, name: str, seed: int) -> Case:
         label=f"{name.title()}, {40 + 20 * seed} mA",
         tube_current_ma=40.0 + 20.0 * seed,
         tube_voltage_kvp=120.0,
-        grid=Grid(GRID.rows, GRID.cols, GRID.spacing, GRID.center),
+        grid=GRID,
         geometry="984 views of 900 bins on an arc",
         details=(Detail(26, 32, 16),),
         images=stored,
@@ -163,7 +161,8 @@ def _histogram(seed: int) -> dict[str, Mapping[str, float | None]]:
 def _texture_group(patients: int, changes: dict[str, tuple[FeatureChange, ...]]) -> TextureGroup:
     if patients < 5:
         changes = {name: tuple(replace(each, interval=None) for each in of) for name, of in changes.items()}
-    return TextureGroup(patients, 7 * patients, "0123456789ab", changes, ("pnp", "fbp-blurred"))
+    of_methods = {name: TextureChange(of, "0123456789ab") for name, of in changes.items()}
+    return TextureGroup(patients, 7 * patients, of_methods, ("pnp", "fbp-blurred"))
 
 
 def _changes(factor: float, closeness: float | None) -> tuple[FeatureChange, ...]:
@@ -187,12 +186,13 @@ def _curve(kind, number: int) -> Curve:
     return Curve(kind, NAMES[number], "a disc at 100 mA", tuple(frequency.tolist()), tuple(values.tolist()), summary)
 
 
+def _found(d: float) -> Detectability:
+    return Detectability(Interval(d, 0.8 * d, 1.25 * d, 0.1 * d, 0.95), auc=0.5 + 0.05 * d, pairs=40)
+
+
 def _tasks() -> tuple[Task, ...]:
     points = {
-        name: tuple(
-            DosePoint(current, d := 0.1 * (1 + n / 10) * current**0.5, 0.8 * d, 1.25 * d, 0.5 + 0.05 * d)
-            for current in (20.0, 80.0, 320.0)
-        )
+        name: tuple(DosePoint(current, _found(0.1 * (1 + n / 10) * current**0.5)) for current in (20.0, 80.0, 320.0))
         for n, name in enumerate(NAMES)
     }
     hotelling = [

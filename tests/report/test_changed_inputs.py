@@ -7,7 +7,7 @@ import torch
 from parsed_page import parse
 from small_comparison import GRID, PROVENANCE
 
-from pnpct.comparison import Check, Comparison, Method, read_comparison, write_comparison
+from pnpct.comparison import Check, ComparedMethod, Comparison, read_comparison, write_comparison
 from pnpct.comparison.image_hash import image_sha256
 from pnpct.files import read_image, write_image
 from pnpct.geometry import ImageGrid
@@ -80,7 +80,7 @@ def test_a_comparison_without_cases_still_has_a_page(own_folder, tmp_path):
 
 def test_words_from_the_comparison_cannot_become_code(own_folder, tmp_path):
     evil = '</script><img src=x onerror="alert(1)">&amp;'
-    methods = (*read_comparison(own_folder).methods[:2], Method("pnp", evil, "plug-and-play", {evil: evil}))
+    methods = (*read_comparison(own_folder).methods[:2], ComparedMethod("pnp", evil, "swept", {evil: evil}))
     check = Check(evil, "chest", "pnp", 1.0, None, None, "fail", evil)
     write(own_folder, methods=methods, checks=(check,), definitions={evil: evil})
     write_report(own_folder, tmp_path / "report.html")

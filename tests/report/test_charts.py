@@ -110,7 +110,9 @@ def test_curves_go_through_their_values(page, content):
         for group in [g for g in chart.all("g") if "data-path" in g.attributes]:
             known = resolve(content, group.attributes["data-path"])
             if "points" in known:
-                expected = [(point["tube_current_ma"], point["d_prime"]) for point in known["points"]]
+                expected = [
+                    (point["tube_current_ma"], point["found"]["d_prime"]["estimate"]) for point in known["points"]
+                ]
             else:
                 expected = list(zip(known["frequency_per_mm"], known["values"], strict=True))
             drawn = [tuple(map(float, p.split(","))) for p in group.all("polyline")[0].attributes["points"].split()]
@@ -128,7 +130,8 @@ def test_intervals_of_detectability_are_drawn(page, content):
             points = resolve(content, group.attributes["data-path"])["points"]
             for whisker, point in zip(group.all("line", style="whisker"), points, strict=True):
                 ends = [y.value(float(whisker.attributes[end])) for end in ("y1", "y2")]
-                assert ends == pytest.approx([point["low"], point["high"]], rel=1e-3)
+                d_prime = point["found"]["d_prime"]
+                assert ends == pytest.approx([d_prime["low"], d_prime["high"]], rel=1e-3)
 
 
 def test_words_are_joined_as_a_sentence_does():

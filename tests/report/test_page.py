@@ -83,8 +83,9 @@ def test_every_number_of_the_comparison_is_shown(page, content):
                 assert expected <= shown
     for index, check in enumerate(content["checks"]):
         assert check["value"] is None or f"/checks/{index}/value" in shown
-    for index, lesion in enumerate(content["lesions"]):
-        assert {f"/lesions/{index}/{name}" for name in ("recovered", "spill", "distant_hu")} <= shown, lesion
+    for case, found in content["lesions"].items():
+        for method in found:
+            assert {f"/lesions/{case}/{method}/{name}" for name in ("recovered", "spill", "distant_hu")} <= shown
 
 
 def test_what_does_not_exist_is_said_to_be_so(page):

@@ -8,7 +8,7 @@ import torch
 from scipy.ndimage import gaussian_filter, zoom
 from small_comparison import PROVENANCE
 
-from pnpct.comparison import Case, Comparison, Grid, Method, StoredImage, write_comparison
+from pnpct.comparison import Case, ComparedMethod, Comparison, StoredImage, write_comparison
 from pnpct.comparison.image_hash import image_sha256
 from pnpct.files import write_image
 from pnpct.geometry import ImageGrid
@@ -31,7 +31,7 @@ GIVEN = {"reference": (30, 0.6), "truth": (0, 1.0)}
 
 @pytest.mark.slow  # a second for each of 32 images and 32 maps
 def test_a_page_of_six_methods_and_four_cases_with_all_maps_is_below_10_megabytes(tmp_path):
-    methods = tuple(Method(name, name, "denoiser") for name in NOISES)
+    methods = tuple(ComparedMethod(name, name, "compared") for name in NOISES)
     cases = tuple(_case(tmp_path, f"case-{seed}", np.random.default_rng(seed)) for seed in range(4))
     write_comparison(tmp_path, Comparison(PROVENANCE, {}, methods, cases))
     assert write_report(tmp_path, tmp_path / "report.html") == 0
@@ -60,5 +60,4 @@ def _case(folder: Path, name: str, generator: np.random.Generator) -> Case:
     verifiable = stored("verifiable", np.where(body, 60.0 - 30 * (x**2 + y**2), 0.0))
     maps = {what: {**of, "verifiable_hu": verifiable} for what, of in maps.items()}
     maps["pnp"]["difference_hu"] = stored("difference", grain(8.0, 4.0) * body)
-    grid = Grid(SIZE, SIZE, GRID.spacing, GRID.center)
-    return Case(name, name, 40.0, 120.0, grid, "", (), images, maps)
+    return Case(name, name, 40.0, 120.0, GRID, "", (), images, maps)

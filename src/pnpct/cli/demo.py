@@ -8,7 +8,7 @@ from tyro.conf import Positional
 
 from pnpct.cli.app import run
 from pnpct.cli.artefact import NUMBERS, PICTURES, check_output, finish
-from pnpct.cli.comparison import compare
+from pnpct.cli.demo_scores import score_images
 from pnpct.cli.terminal import say
 from pnpct.files import record_run
 
@@ -54,7 +54,7 @@ class Demo:
         for name, options in METHODS.items():
             _call("reconstruct", scan, files[name], options=options)
         provenance = record_run(command, inputs=[scan, *files.values()], seed=self.seed)
-        compare(scan, files, numbers=numbers, picture=picture, provenance=provenance)
+        score_images(scan, files, numbers=numbers, picture=picture, provenance=provenance)
         finish(numbers, provenance, summary="how far each image is from the truth")
         finish(picture, provenance, summary="the truth, the better FBP image, total variation and plug-and-play")
 

@@ -9,8 +9,7 @@ from tyro.conf import Positional
 from pnpct.cli.artefact import NUMBERS, check_output, finish
 from pnpct.cli.scores import say_scores, write_scores
 from pnpct.cli.truth import on_one_grid, truth_of
-from pnpct.comparison import fidelity_values, histogram_values, texture_values
-from pnpct.comparison.measures import score_definitions
+from pnpct.comparison import fidelity_values, histogram_values, score_definitions, texture_values
 from pnpct.files import read_image, record_run
 
 

@@ -1,66 +1,72 @@
-"""Methods side by side on the same scans: their images, all that was measured of them, and the file that keeps it."""
+"""Methods side by side on the same scans: their images, all that was measured of them, and the file that says it."""
 
-from pnpct.comparison.candidates import Candidate
-from pnpct.comparison.case_record import Case, Detail, Grid, StoredImage
-from pnpct.comparison.case_results import CaseResults
+from pnpct.comparison.all_scans import compare, compare_scans, summarise
 from pnpct.comparison.image_hash import image_sha256
-from pnpct.comparison.measures import fidelity_values, histogram_values, texture_values
-from pnpct.comparison.phantom_records import PhantomJob, PhantomRecord, measure_phantoms, phantom_jobs
-from pnpct.comparison.phantom_results import PhantomResults, phantom_results
-from pnpct.comparison.phantom_tests import Phantoms, PhantomTests
-from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import (
+from pnpct.comparison.imported_methods import imported_methods
+from pnpct.comparison.measures import fidelity_values, histogram_values, score_definitions, texture_values
+from pnpct.comparison.methods import (
+    Candidate,
+    Candidates,
+    PaperMethods,
+    Reconstruct,
+    controls,
+)
+from pnpct.comparison.one_scan import OneScan, compare_one_scan
+from pnpct.comparison.phantoms import Phantoms, lesion_in_words
+from pnpct.comparison.schema import (
     RESULTS,
+    Case,
     Check,
+    ComparedMethod,
     Comparison,
     Curve,
+    Detail,
     DosePoint,
     DoseShare,
     LeastReduction,
-    LesionResult,
-    Method,
+    StoredImage,
     Task,
+    TextureGroup,
     read_comparison,
     write_comparison,
 )
-from pnpct.comparison.run import compare_cases, summarise
+from pnpct.comparison.study import Study
 from pnpct.comparison.subjects import Subject, subjects_of
-from pnpct.comparison.table_file import write_table
-from pnpct.comparison.texture_group import TextureGroup
+from pnpct.comparison.table import write_table
 
 __all__ = [
     "RESULTS",
     "Candidate",
+    "Candidates",
     "Case",
-    "CaseResults",
     "Check",
+    "ComparedMethod",
     "Comparison",
     "Curve",
     "Detail",
     "DosePoint",
     "DoseShare",
-    "Grid",
     "LeastReduction",
-    "LesionResult",
-    "Method",
-    "PhantomJob",
-    "PhantomRecord",
-    "PhantomResults",
-    "PhantomTests",
+    "OneScan",
+    "PaperMethods",
     "Phantoms",
-    "Plan",
+    "Reconstruct",
     "StoredImage",
+    "Study",
     "Subject",
     "Task",
     "TextureGroup",
-    "compare_cases",
+    "compare",
+    "compare_one_scan",
+    "compare_scans",
+    "controls",
     "fidelity_values",
     "histogram_values",
     "image_sha256",
-    "measure_phantoms",
-    "phantom_jobs",
-    "phantom_results",
+    "imported_methods",
+    "lesion_in_words",
     "read_comparison",
+    "score_definitions",
     "subjects_of",
     "summarise",
     "texture_values",

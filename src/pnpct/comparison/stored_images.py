@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from pnpct.arrays import Image
-from pnpct.comparison.case_record import StoredImage
 from pnpct.comparison.image_hash import image_sha256
+from pnpct.comparison.schema import StoredImage
 from pnpct.files import FileFormatError, Provenance, read_image, write_image, write_sidecar
 from pnpct.geometry import ImageGrid
 
 
 @dataclass(frozen=True)
 class ImageFolder:
-    """Where the images of one case are kept.
+    """Where the images of one case are stored.
 
     Args:
         comparison: Folder of the comparison.
@@ -30,7 +30,7 @@ class ImageFolder:
     grid: ImageGrid
     origin: Mapping[str, Any]
 
-    def keep(self, name: str, make: Callable[[], Image], settings: Mapping[str, Any]) -> tuple[Image, StoredImage]:
+    def get(self, name: str, make: Callable[[], Image], settings: Mapping[str, Any]) -> tuple[Image, StoredImage]:
         """Return an image that is made now, or was by an earlier run with the same settings.
 
         Args:
@@ -43,8 +43,8 @@ class ImageFolder:
         """
         file = f"{self.place}/{name}.h5"
         path, settings = self.comparison / file, {**self.origin, **settings}
-        if (kept := _kept(path, self.grid, settings)) is not None:
-            image, seconds = kept
+        if (stored := _stored(path, self.grid, settings)) is not None:
+            image, seconds = stored
         else:
             began = time.perf_counter()
             image = make()
@@ -56,7 +56,7 @@ class ImageFolder:
         return image, StoredImage(file, image_sha256(image, self.grid), seconds)
 
 
-def _kept(path: Path, grid: ImageGrid, settings: Mapping[str, Any]) -> tuple[Image, float] | None:
+def _stored(path: Path, grid: ImageGrid, settings: Mapping[str, Any]) -> tuple[Image, float] | None:
     try:
         made = dict(Provenance.from_json(path.with_name(path.name + ".json").read_text()).settings)
         image, of_image = read_image(path)

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from pnpct.arrays import Image
+from pnpct.comparison.study import Study
 from pnpct.files import describe_file, read_exposure, read_scan, read_truth, tube_voltages
 from pnpct.geometry import ImageGrid, require_image_grid
 from pnpct.physics import Scan
@@ -37,7 +38,7 @@ class Subject:
     tube_current_ma: float | None
     tube_voltage_kvp: float | None
     seed: int
-    size: int = 512
+    size: int
 
     @property
     def label(self) -> str:
@@ -89,10 +90,8 @@ class LoadedSubject:
     references: Mapping[str, Scan]
 
 
-def subjects_of(
-    files: Sequence[Path], *, tube_currents_ma: Sequence[float], tube_voltage_kvp: float, seed: int, size: int = 512
-) -> Iterator[Subject]:
-    """Yield the subjects of files: a scan is one, exposures are one for each tube current.
+def subjects_of(files: Sequence[Path], study: Study) -> Iterator[Subject]:
+    """Yield the subjects of files: a scan is one, exposures are one for each tube current of the study.
 
     Raises:
         OSError: If a file cannot be read.
@@ -107,15 +106,16 @@ def subjects_of(
         about = describe_file(file)
         patient = _patient(about["provenance"]["settings"], name)
         if about["format"] == "pnpct-scan":
-            yield Subject(name, patient, file, None, None, seed, size)
+            yield Subject(name, patient, file, None, None, study.seed, study.size)
             continue
-        if tube_voltage_kvp not in (voltages := tube_voltages(file)):
+        if study.tube_voltage_kvp not in (voltages := tube_voltages(file)):
             there = ", ".join(f"{voltage:g}" for voltage in voltages)
-            raise ValueError(f"{file} has no exposure at {tube_voltage_kvp:g} kVp; there are {there}.")
-        if not tube_currents_ma:
+            raise ValueError(f"{file} has no exposure at {study.tube_voltage_kvp:g} kVp; there are {there}.")
+        if not study.tube_currents_ma:
             raise ValueError(f"{file} holds exposures: give the tube currents of the scans to draw from it.")
-        for current in sorted(tube_currents_ma):
-            yield Subject(f"{name}-{current:g}mA", patient, file, float(current), tube_voltage_kvp, seed, size)
+        for current in sorted(study.tube_currents_ma):
+            drawn = float(current), study.tube_voltage_kvp, study.seed, study.size
+            yield Subject(f"{name}-{current:g}mA", patient, file, *drawn)
 
 
 def _patient(settings: Mapping[str, Any], name: str) -> str:

@@ -33,17 +33,12 @@ class Claim:
     def holds(self) -> bool:
         """Whether less dose is needed for every lesion, beyond doubt and beyond what blurring does."""
         pairs = (*self.tasks, (self.least.equal_dose, self.control.equal_dose))
-        below_control = all(
-            own.high is not None and control.low is not None and own.high < control.low for own, control in pairs
-        )
-        high = self.least.equal_dose.high
-        return below_control and high is not None and high < 1.0
+        return self.least.equal_dose.share.high < 1.0 and all(own.share.high < other.share.low for own, other in pairs)
 
     @property
     def costs(self) -> bool:
         """Whether more dose is needed for some lesion, beyond doubt."""
-        low = self.least.equal_dose.low
-        return low is not None and low > 1.0
+        return self.least.equal_dose.share.low > 1.0
 
 
 def dose_statements(comparison: Comparison, numbers: Numbers) -> tuple[Markup, ...]:
@@ -52,7 +47,7 @@ def dose_statements(comparison: Comparison, numbers: Numbers) -> tuple[Markup, .
     Only with tasks, an observer, the kernel of the reference, an interval and the control does a sentence speak
     of dose reduction; otherwise it says at which tube currents was measured.
     """
-    methods = [method.name for method in comparison.methods if method.kind not in ("control", "fbp")]
+    methods = [method.name for method in comparison.methods if method.role not in ("control", "baseline")]
     return tuple(filter(None, (_statement(comparison, numbers, method) for method in methods)))
 
 
@@ -64,8 +59,8 @@ def _statement(comparison: Comparison, numbers: Numbers, method: str) -> Markup:
     if claim is None:
         currents = sorted({point.tube_current_ma for task in tasks for point in task.points})
         return Markup(
-            "<b>{}</b> was measured at {} mA. Nothing is said about dose: the share, its interval or that of the "
-            "control is missing for some lesion."
+            "<b>{}</b> was measured at {} mA. Nothing is said about dose: its share or that of the control "
+            "is missing for some lesion."
         ).format(labels(comparison)[method], ", ".join(map(spell_exactly, currents)))
     return _spoken(comparison, numbers, claim)
 
@@ -96,13 +91,13 @@ def _spoken(comparison: Comparison, numbers: Numbers, claim: Claim) -> Markup:
 def _shares(numbers: Numbers, place: int, dose: DoseShare, *, reference: bool = True) -> tuple[str, ...]:
     """The share, what it is a share of, and the ends of its interval."""
     at = "least_reductions", place, "equal_dose"
-    ends = (numbers(*at, name, scale=100.0) for name in ("low", "high"))
+    ends = (numbers(*at, "share", name, scale=100.0) for name in ("low", "high"))
     return spelled_share(numbers, dose, *at), *((dose.reference,) if reference else ()), *ends
 
 
 def _claim(comparison: Comparison, method: str, tasks: list[Task]) -> Claim | None:
     """What all tasks of a method say about dose, None if anything is missing."""
-    controls = [each.name for each in comparison.methods if each.kind == "control"]
+    controls = [each.name for each in comparison.methods if each.role == "control"]
     found = {least.method: (n, least) for n, least in enumerate(comparison.least_reductions)}
     control = next((name for name in controls if name in found), None)
     if method not in found or control is None:
@@ -115,12 +110,7 @@ def _claim(comparison: Comparison, method: str, tasks: list[Task]) -> Claim | No
     pairs = []
     for task in tasks:
         own, other = task.equal_dose, of_control.get(task.lesion)
-        if own is None or other is None or not (_known(own) and _known(other)):
+        if own is None or other is None:
             return None
         pairs.append((own, other))
-    claim = Claim(*found[method], tuple(pairs), *found[control])
-    return claim if _known(claim.least.equal_dose) and _known(claim.control.equal_dose) else None
-
-
-def _known(dose: DoseShare) -> bool:
-    return None not in (dose.share, dose.low, dose.high)
+    return Claim(*found[method], tuple(pairs), *found[control])

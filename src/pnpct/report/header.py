@@ -123,8 +123,8 @@ def method_table(comparison: Comparison, numbers: Numbers, styles: Mapping[str, 
             Markup("{} {}").format(" ".join(keys), numbers.exact("methods", n, "settings", *keys))
             for keys in _leaves(method.settings)
         )
-        rows.append(Row(method.label, (method.kind, settings or NOT_MEASURED), styles[method.name]))
-    return Table("Methods", (Head("kind", words=True), Head("settings", words=True)), tuple(rows))
+        rows.append(Row(method.label, (method.role, settings or NOT_MEASURED), styles[method.name]))
+    return Table("Methods", (Head("role", words=True), Head("settings", words=True)), tuple(rows))
 
 
 def definition_rows(comparison: Comparison, numbers: Numbers) -> tuple[tuple[str, Markup], ...]:

@@ -111,7 +111,7 @@ def checks_of_images(images: tuple[FoundImage, ...]) -> tuple[Check, ...]:
 def _read(folder: Path, case: Case, stored: StoredImage) -> tuple[torch.Tensor, str]:
     path = folder / stored.file
     image, grid = read_image(path)
-    shape = case.grid.rows, case.grid.cols
+    shape = case.grid.shape
     if tuple(image.shape) != shape:
         raise ValueError(
             f"{path}: an image of the case {case.name} has {shape[0]} x {shape[1]} pixels, got the shape "

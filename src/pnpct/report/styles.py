@@ -9,6 +9,6 @@ COLOURS = 8
 def styles_of(comparison: Comparison) -> dict[str, str]:
     """Return the classes of each method, of the reference, its repeat and the truth."""
     by_method = {
-        method.name: f"c{index % COLOURS} kind-{method.kind}" for index, method in enumerate(comparison.methods)
+        method.name: f"c{index % COLOURS} role-{method.role}" for index, method in enumerate(comparison.methods)
     }
     return {**by_method, "reference": "c-reference", "repeat": "c-reference", "truth": "c-truth"}

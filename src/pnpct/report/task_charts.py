@@ -30,7 +30,7 @@ def groups(comparison: Comparison) -> tuple[Found, ...]:
 
     NPWE takes blurring for a gain, which can be seen only beside blurred FBP.
     """
-    controls = {method.name for method in comparison.methods if method.kind == "control"}
+    controls = {method.name for method in comparison.methods if method.role == "control"}
     keys = dict.fromkeys((task.observer, task.lesion) for task in comparison.tasks)
     found = (Found(*key, tuple(_tasks(comparison, *key))) for key in sorted(keys, key=lambda key: key[0] == NPWE))
     return tuple(
@@ -51,7 +51,7 @@ def task_charts(comparison: Comparison, numbers: Numbers, styles: Mapping[str, s
 def task_tables(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]) -> tuple[Table, ...]:
     """Return the numbers of each chart."""
     heads = (Head("tube current", "mA"), Head("d′"), Head("95 % from"), Head("to"), Head("AUC"))
-    names = ("d_prime", "low", "high", "auc")
+    names = (*(("d_prime", end) for end in ("estimate", "low", "high")), ("auc",))
     return tuple(
         Table(
             _title(group),
@@ -61,7 +61,7 @@ def task_tables(comparison: Comparison, numbers: Numbers, styles: Mapping[str, s
                     labels(comparison).get(task.method, task.method),
                     (
                         numbers.exact("tasks", index, "points", point, "tube_current_ma"),
-                        *(numbers("tasks", index, "points", point, name) for name in names),
+                        *(numbers("tasks", index, "points", point, "found", *name) for name in names),
                     ),
                     styles.get(task.method, ""),
                 )
@@ -82,7 +82,7 @@ def spelled_share(numbers: Numbers, dose: DoseShare, *path: str | int) -> Markup
         path: Where it is among them.
     """
     words = {"below": "less than ", "above": "more than ", None: ""}[dose.outside]
-    return Markup("{}{}").format(words, numbers(*path, "share", scale=100.0))
+    return Markup("{}{}").format(words, numbers(*path, "share", "estimate", scale=100.0))
 
 
 def equal_dose_table(comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]) -> Table:
@@ -107,7 +107,7 @@ def equal_dose_table(comparison: Comparison, numbers: Numbers, styles: Mapping[s
     for method, lesion, observer, dose, place in found:
         if dose is not None:
             path = (*place, "equal_dose")
-            ends = (numbers(*path, name, scale=100.0) for name in ("low", "high"))
+            ends = (numbers(*path, "share", name, scale=100.0) for name in ("low", "high"))
             cells = (lesion, observer, dose.reference, spelled_share(numbers, dose, *path), *ends)
             rows.append(Row(labels(comparison).get(method, method), cells, styles.get(method, "")))
     return Table("Share of the dose at which a lesion is found as well", heads, tuple(rows))
@@ -126,8 +126,8 @@ def _title(group: Found) -> str:
 def _chart(found: Found, names: Mapping[str, str], numbers: Numbers, styles: Mapping[str, str]) -> LineChart:
     points = [point for _, task in found.tasks for point in task.points]
     x = fitted((point.tube_current_ma for point in points), ACROSS, title="tube current, mA", log=True)
-    d_primes = [value for point in points for value in (point.d_prime, point.low, point.high)]
-    y = fitted(d_primes, UP, title="d′", log=True)
+    found_d = [point.found.d_prime for point in points]
+    y = fitted((value for d in found_d for value in (d.estimate, d.low, d.high)), UP, title="d′", log=True)
     lines = tuple(
         Line(
             label=names.get(task.method, task.method),
@@ -135,14 +135,14 @@ def _chart(found: Found, names: Mapping[str, str], numbers: Numbers, styles: Map
             points=tuple(
                 Point(
                     x.at(point.tube_current_ma),
-                    y.at(point.d_prime),
-                    y.at(point.low),
-                    y.at(point.high),
+                    y.at(d.estimate),
+                    y.at(d.low),
+                    y.at(d.high),
                     f"{names.get(task.method, task.method)}, {spell_exactly(point.tube_current_ma)} mA: d′ "
-                    f"{spell(point.d_prime)} ({spell(point.low)} to {spell(point.high)})",
+                    f"{spell(d.estimate)} ({spell(d.low)} to {spell(d.high)})",
                 )
                 for point in task.points
-                if point.d_prime > 0  # no logarithm, but its numbers are in the table
+                if (d := point.found.d_prime).estimate > 0  # no logarithm, but its numbers are in the table
             ),
             whence=numbers.attributes("tasks", index),
             dots=True,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from pnpct.comparison import Case, Comparison, TextureGroup
-from pnpct.evaluation import FeatureChange, TextureChange, oversmoothing_warnings
+from pnpct.evaluation import FeatureChange, oversmoothing_warnings
 from pnpct.evaluation.texture.oversmoothing import overshoots
 from pnpct.report.axes import Axis, fitted
 from pnpct.report.charts import ALONG, Bar, BarChart, Mark, listed, row_top
@@ -65,8 +65,8 @@ def _change_group(
     name: str, group: TextureGroup, comparison: Comparison, numbers: Numbers, styles: Mapping[str, str]
 ) -> ChangeGroup:
     names, at = labels(comparison), ("texture_change", name)
-    known = any(change.closeness is not None for changes in group.changes.values() for change in changes)
-    features = range(min(map(len, group.changes.values())))
+    known = any(change.closeness is not None for changes in group.changes.values() for change in changes.features)
+    features = range(min(len(changes.features) for changes in group.changes.values()))
     title = f"Measured scans{name.removeprefix('measured')}" if name.startswith("measured") else f"At {name}"
     return ChangeGroup(
         title,
@@ -82,8 +82,8 @@ def _change_group(
 def _oversmoothed(group: TextureGroup) -> dict[str, str]:
     found = {}
     for method, changes in group.changes.items():
-        if oversmoothing_warnings(TextureChange(changes, group.spec_hash)):
-            beyond = [change.feature for change in changes if overshoots(change)]
+        if oversmoothing_warnings(changes):
+            beyond = [change.feature for change in changes.features if overshoots(change)]
             found[method] = listed(beyond or ["contrast", "homogeneity"])
     return found
 
@@ -98,8 +98,8 @@ def _change_table(
     rows = []
     names = labels(comparison)
     for method, changes in group.changes.items():
-        for index, change in enumerate(changes):
-            at = "texture_change", name, "changes", method, index
+        for index, change in enumerate(changes.features):
+            at = "texture_change", name, "changes", method, "features", index
             cells = (
                 title_of(change.feature) + (" †" if change.images_disagree else ""),
                 *(numbers(*at, value) for value in ("fbp", "method", "reference")),
@@ -115,9 +115,9 @@ def _change_table(
 
 def _change_chart(name: str, group: TextureGroup, feature: int, comparison: Comparison, numbers: Numbers) -> BarChart:
     """One feature by all methods."""
-    changes = {method: of_method[feature] for method, of_method in group.changes.items()}
+    changes = {method: of_method.features[feature] for method, of_method in group.changes.items()}
     names, axis = labels(comparison), _change_axis(changes)
-    paths = {method: ("texture_change", name, "changes", method, feature) for method in changes}
+    paths = {method: ("texture_change", name, "changes", method, "features", feature) for method in changes}
     bars = tuple(
         _change_bar(change, names.get(method, method), axis, row, numbers, paths[method])
         for row, (method, change) in enumerate(changes.items())

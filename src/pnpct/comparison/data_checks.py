@@ -1,7 +1,7 @@
-"""The honesty checks of one case: what the data say of its images, without any truth."""
+"""What the data say of the images of one case: residuals, the score test, unseen views, and a weaker prior."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -10,11 +10,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.comparison.candidates import Candidate
-from pnpct.comparison.case_record import StoredImage
-from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import Check, Verdict
+from pnpct.comparison.methods import Candidate, Candidates
+from pnpct.comparison.schema import Check, StoredImage, Verdict
 from pnpct.comparison.stored_images import ImageFolder
+from pnpct.comparison.study import Study
 from pnpct.evaluation import (
     Consistency,
     Finding,
@@ -60,8 +59,9 @@ class Evidence:
         projector: A.
         truth: The object; None if it is not known.
         fbp: The image that says where the body is if the truth is not known.
-        plan: Settings of the methods.
-        folder: Where its images are kept.
+        methods: The methods that are compared.
+        study: What is asked of them.
+        folder: Where its images are stored.
     """
 
     case: str
@@ -69,7 +69,8 @@ class Evidence:
     projector: Projector
     truth: Image | None
     fbp: Image
-    plan: Plan
+    methods: Candidates
+    study: Study
     folder: ImageFolder
 
     @cached_property
@@ -104,7 +105,7 @@ class Evidence:
 
 
 def judge(evidence: Evidence, images: Mapping[str, Image]) -> tuple[Maps, tuple[Check, ...]]:
-    """Test every image against the data; return the maps that are kept, and the verdicts.
+    """Test every image against the data; return the maps, and the verdicts.
 
     Maps are 0 outside the body, where nobody asks, and where no disc fits. Without a truth nothing is judged: beam
     hardening leaves residuals in the best of images, of a size that nobody knows then.
@@ -129,26 +130,25 @@ def judge(evidence: Evidence, images: Mapping[str, Image]) -> tuple[Maps, tuple[
         checks.append(_largest(evidence, name, _beyond(test, evidence.score).strongest_within(evidence.body)))
         shown = evidence.body & test.verifiable_hu.isfinite()
         t, verifiable_hu = (torch.where(shown, values, 0.0) for values in (test.t, test.verifiable_hu))
-        of_image = {**settings, "image": _settings_of(evidence, name)}
-        of_all = of_all or evidence.folder.keep("maps/verifiable_hu", verifiable_hu.float, settings)[1]
-        maps[name] = {"t": evidence.folder.keep(f"maps/{name}-t", t.float, of_image)[1], "verifiable_hu": of_all}
+        of_image = {**settings, "image": dict(evidence.methods[name].settings)}
+        of_all = of_all or evidence.folder.get("maps/verifiable_hu", verifiable_hu.float, settings)[1]
+        maps[name] = {"t": evidence.folder.get(f"maps/{name}-t", t.float, of_image)[1], "verifiable_hu": of_all}
     return maps, tuple(checks)
 
 
-def cross_view(evidence: Evidence, candidates: Sequence[Candidate]) -> Iterator[Check]:
+def cross_view(evidence: Evidence) -> Iterator[Check]:
     """Reconstruct by every method from the even views, and yield what the odd ones, unseen noise, say of it.
 
-    It takes another half of the time of all reconstructions, so it is left out where a lesion is (`Plan.lesion_hu`).
+    It takes another half of the time of all reconstructions, so it is left out where a lesion is (`Study.lesion_hu`).
     """
-    if evidence.plan.lesion_hu == 0 or not bool(evidence.body.any()):
+    if evidence.study.lesion_hu == 0 or not bool(evidence.body.any()):
         return
     even, odd = split_views(evidence.sinogram, evidence.projector)
     information = disc_information(odd.sinogram.weights, odd.projector, evidence.disc)
     of_truth = _score_of_truth(evidence, odd.sinogram, odd.projector, information)
-    for candidate in candidates:
-        name, settings = candidate.method.name, {**candidate.method.settings, "views": "even"}
-        make = partial(candidate.make, even.sinogram, even.projector)
-        image, _ = evidence.folder.keep(f"half-of-views/{name}", make, settings)
+    for method in evidence.methods:
+        make, settings = partial(method.make, even.sinogram, even.projector), {**method.settings, "views": "even"}
+        image, _ = evidence.folder.get(f"half-of-views/{method.name}", make, settings)
         test = score_test(
             image, odd.sinogram, odd.projector, diameter=evidence.disc, floor=evidence.floor, information=information
         )
@@ -156,33 +156,39 @@ def cross_view(evidence: Evidence, candidates: Sequence[Candidate]) -> Iterator[
         says = f"Made from every second view and tested on the others: {_in_words(evidence, found)}"
         most = LARGEST_HELD_OUT_T
         verdict = _verdict(evidence, abs(found.t) <= most)
-        yield Check("cross-view score", evidence.case, name, found.t, -most, most, verdict, says)
+        yield Check("cross-view score", evidence.case, method.name, found.t, -most, most, verdict, says)
 
 
-def sweep(evidence: Evidence, image: Image) -> tuple[Maps, tuple[Check, ...]]:
-    """Show what the image of the last method has only because its prior is strong; it is for readers to judge.
+def weaker_prior(evidence: Evidence, images: Mapping[str, Image]) -> tuple[Maps, tuple[Check, ...]]:
+    """Show what the images of swept methods have only because their priors are strong; it is for readers to judge.
 
     Where the change is below what the data can tell, only the prior vouches for it; where it is above, they could have
     confirmed it, and the scores say whether they do.
     """
     if not bool(evidence.body.any()):
         return {}, ()
-    weak = replace(evidence.plan, beta=WEAKER * evidence.plan.beta).candidates()[-1]
-    name, settings = weak.method.name, weak.method.settings
+    found = {method.name: _sweep(evidence, method, images[method.name]) for method in evidence.methods.of("swept")}
+    return {name: {"difference_hu": stored} for name, (stored, _) in found.items()}, tuple(c for _, c in found.values())
+
+
+def _sweep(evidence: Evidence, method: Candidate, image: Image) -> tuple[StoredImage, Check]:
+    """What changes with less of one method's prior."""
+    weak = method.weakened(WEAKER)
     sinogram, A, disc = evidence.sinogram, evidence.projector, evidence.disc
-    weaker, _ = evidence.folder.keep(f"maps/{name}-weak-prior", partial(weak.make, sinogram, A), settings)
+    make = partial(weak.make, sinogram, A)
+    weaker, _ = evidence.folder.get(f"maps/{weak.name}-weak-prior", make, weak.settings)
     test = score_test(image, sinogram, A, diameter=disc, floor=evidence.floor, information=evidence.information)
     (found,) = prior_sweep({WEAKER: weaker, 1.0: image}, test, mask=evidence.body)
     difference = torch.where(evidence.body, found.difference_hu, 0.0)
-    settings = {"disc": disc, "outside": 0.0, "image": _settings_of(evidence, name), "share_of_penalty": WEAKER}
-    _, stored = evidence.folder.keep(f"maps/{name}-difference_hu", difference.float, settings)
+    settings = {"disc": disc, "outside": 0.0, "image": dict(weak.settings), "share_of_penalty": WEAKER}
+    _, stored = evidence.folder.get(f"maps/{weak.name}-difference_hu", difference.float, settings)
     says = (
         f"With a tenth of the penalty a disc of {disc:g} mm changes by {-found.change_hu:+.0f} HU at most, "
         f"{found.largest:.2f} times what the data can tell there: "
         + ("the scores say whether they want it." if found.largest > 1 else "only the prior vouches for it.")
     )
-    check = Check("prior-off sweep", evidence.case, name, found.largest, None, None, "not judged", says)
-    return {name: {"difference_hu": stored}}, (check,)
+    check = Check("prior-off sweep", evidence.case, weak.name, found.largest, None, None, "not judged", says)
+    return stored, check
 
 
 def _residual(evidence: Evidence, name: str, image: Image) -> Iterator[Check]:
@@ -248,8 +254,3 @@ def _verdict(evidence: Evidence, passes: bool) -> Verdict:
     if evidence.trusted is None:
         return "not judged"
     return "pass" if passes else "fail"
-
-
-def _settings_of(evidence: Evidence, name: str) -> dict[str, object]:
-    (method,) = (each.method for each in evidence.plan.candidates() if each.method.name == name)
-    return dict(method.settings)

@@ -14,7 +14,9 @@ WINDOW = (30.0, 400.0)
 """Level and width of the picture, HU."""
 
 
-def compare(scan: Path, files: Mapping[str, Path], *, numbers: Path, picture: Path, provenance: Provenance) -> None:
+def score_images(
+    scan: Path, files: Mapping[str, Path], *, numbers: Path, picture: Path, provenance: Provenance
+) -> None:
     """Evaluate images, print and write the numbers, and draw some images beside the truth.
 
     Args:

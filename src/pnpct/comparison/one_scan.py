@@ -1,4 +1,4 @@
-"""One case of a comparison: its images by every method, and what was measured of them."""
+"""One scan by all methods: its images, and what was measured of them."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -8,118 +8,100 @@ from pathlib import Path
 import torch
 
 from pnpct.arrays import Image
-from pnpct.comparison.candidates import Candidate
-from pnpct.comparison.case_record import Case, Detail, Grid, StoredImage
-from pnpct.comparison.honesty import Evidence, cross_view, judge, sweep
+from pnpct.comparison.data_checks import Evidence, cross_view, judge, weaker_prior
+from pnpct.comparison.lesion_checks import lesions
 from pnpct.comparison.measures import Values, fidelity_values, histogram_values
-from pnpct.comparison.outcomes import errors_against_fbp, lesions
-from pnpct.comparison.plan import Plan
-from pnpct.comparison.results import Check, LesionResult
+from pnpct.comparison.methods import Candidate, Candidates
+from pnpct.comparison.schema import Case, Check, Detail, StoredImage
 from pnpct.comparison.stored_images import ImageFolder
+from pnpct.comparison.study import Study
 from pnpct.comparison.subjects import LoadedSubject, Subject
-from pnpct.evaluation import (
-    GLCMSpec,
-    Texture,
-    repeat_scan_floor,
-    texture_features,
-    texture_patches,
-)
+from pnpct.comparison.truth_checks import errors_against_fbp
+from pnpct.evaluation import GLCMSpec, LesionRecovery, Texture, repeat_scan_floor, texture_features, texture_patches
 from pnpct.files import sha256_of
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 
 
 @dataclass(frozen=True)
-class CaseResults:
-    """All of one case.
+class OneScan:
+    """All of one scan.
 
     Args:
-        case: The case, with its images.
+        case: The scan, with its images.
         patient: Whose slice it is.
         fidelity: Errors by method.
         texture: Texture by method, and of "reference", "repeat" and "truth"; empty where there is no soft tissue.
         histogram: Distances of histograms by the same names, and the floor of the reference.
-        lesions: What became of a lesion.
-        checks: Honesty checks.
+        lesions: What is left of a lesion, by method.
+        checks: What was checked.
     """
 
     case: Case
     patient: str
-    fidelity: Mapping[str, Mapping[str, float | None]]
+    fidelity: Mapping[str, Values]
     texture: Mapping[str, Texture]
-    histogram: Mapping[str, Mapping[str, float | None]]
-    lesions: tuple[LesionResult, ...]
+    histogram: Mapping[str, Values]
+    lesions: Mapping[str, LesionRecovery]
     checks: tuple[Check, ...]
 
 
-def compare_case(folder: Path, subject: Subject, plan: Plan) -> CaseResults:
-    """Reconstruct one scan by all methods, keep the images, and measure them.
+def compare_one_scan(folder: Path, subject: Subject, methods: Candidates, study: Study) -> OneScan:
+    """Reconstruct one scan by all methods, store the images, and measure them.
 
     Raises:
         OSError: If a file cannot be read or written.
         ValueError: If the scan or a setting is not what it should be.
     """
-    candidates, loaded = plan.candidates(), subject.load()
-    A = Projector(loaded.grid, loaded.scan.geometry, mu_water=loaded.scan.mu_water)
+    loaded = subject.load()
+    grid, geometry = loaded.grid, loaded.scan.geometry
+    A = Projector(grid, geometry, mu_water=loaded.scan.mu_water)
     sinogram = take_log(loaded.scan)
     origin = {"scan": {**asdict(subject), "file": sha256_of(subject.file)}}
-    kept = ImageFolder(folder, f"images/{subject.name}", loaded.grid, origin)
+    store = ImageFolder(folder, f"images/{subject.name}", grid, origin)
     files: dict[str, StoredImage] = {}
     images: dict[str, Image] = {}
-    for candidate in candidates:
-        name = candidate.method.name
-        images[name], files[name] = kept.keep(name, partial(candidate.make, sinogram, A), candidate.method.settings)
-    given, files_given = _given(loaded, kept, candidates[0], A)
-    evidence = Evidence(subject.name, sinogram, A, loaded.truth, images[candidates[0].method.name], plan, kept)
-    maps, checks = judge(evidence, images)
-    swept, of_sweep = sweep(evidence, images[candidates[-1].method.name])
-    for name, one in swept.items():
-        maps[name] |= one
-    inserted, of_lesions = lesions(evidence, images, candidates)
+    for method in methods:
+        make = partial(method.make, sinogram, A)
+        images[method.name], files[method.name] = store.get(method.name, make, method.settings)
+    given, files_given = _given(loaded, store, methods.baseline, A)
+    fbp = images[methods.baseline.name]
+    evidence = Evidence(subject.name, sinogram, A, loaded.truth, fbp, methods, study, store)
+    maps, of_data = judge(evidence, images)
+    swept, of_prior = weaker_prior(evidence, images)
+    inserted, of_lesions = lesions(evidence, images)
     textures = _textures(images, given, evidence)
-    of_texture = next(iter(textures.values()), None)
+    measured = next(iter(textures.values()), None)
     case = Case(
         subject.name,
         subject.label,
         subject.tube_current_ma,
         subject.tube_voltage_kvp,
-        Grid(loaded.grid.rows, loaded.grid.cols, loaded.grid.spacing, loaded.grid.center),
-        str(loaded.scan.geometry),
+        grid,
+        str(geometry),
         _details(evidence),
-        {**files, **files_given},
-        maps,
-        None if subject.tube_current_ma is None else subject.seed,
-        () if of_texture is None else of_texture.patches,
-        None if of_texture is None else of_texture.spec_hash,
-        evidence.disc if maps else None,
+        images={**files, **files_given},
+        maps={name: {**of_image, **swept.get(name, {})} for name, of_image in maps.items()},
+        seed=None if subject.tube_current_ma is None else subject.seed,
+        patches=() if measured is None else measured.patches,
+        texture_spec_hash=None if measured is None else measured.spec_hash,
+        disc_mm=evidence.disc if maps else None,
     )
-    return CaseResults(
-        case,
-        subject.patient,
-        _fidelity(images, given),
-        textures,
-        _histograms(images, given, evidence),
-        inserted,
-        (
-            *checks,
-            *cross_view(evidence, candidates),
-            *of_lesions,
-            *errors_against_fbp(evidence, images, candidates),
-            *of_sweep,
-        ),
-    )
+    checks = *of_data, *cross_view(evidence), *of_lesions, *errors_against_fbp(evidence, images), *of_prior
+    histograms = _histograms(images, given, evidence)
+    return OneScan(case, subject.patient, _fidelity(images, given), textures, histograms, inserted, checks)
 
 
 def _given(
-    loaded: LoadedSubject, kept: ImageFolder, fbp: Candidate, A: Projector
+    loaded: LoadedSubject, store: ImageFolder, fbp: Candidate, A: Projector
 ) -> tuple[dict[str, Image], dict[str, StoredImage]]:
     """What a case has besides its methods: FBP of the reference scans, and the truth; readers see one reference."""
     given: dict[str, Image] = {}
     files: dict[str, StoredImage] = {}
     for name, scan in loaded.references.items():
-        given[name], files[name] = kept.keep(name, partial(fbp.make, take_log(scan), A), fbp.method.settings)
+        given[name], files[name] = store.get(name, partial(fbp.make, take_log(scan), A), fbp.settings)
     if (truth := loaded.truth) is not None:
-        given["truth"], files["truth"] = kept.keep("truth", lambda: truth, {})
+        given["truth"], files["truth"] = store.get("truth", lambda: truth, {})
     files.pop("repeat", None)
     return given, files
 

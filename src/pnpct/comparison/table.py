@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from pnpct.comparison.results import Comparison
+from pnpct.comparison.schema import Comparison
 from pnpct.files import atomic_path
 
 TABLE = "metrics.csv"

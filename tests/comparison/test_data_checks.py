@@ -3,10 +3,10 @@ from pathlib import Path
 
 import pytest
 import torch
-from small_evidence import FAKE, PLAN, TRUTH, A, disc, evidence, fixed, images, sinogram
+from small_evidence import FAKE, STUDY, TRUTH, A, disc, evidence, fixed, images, methods, sinogram, swept
 
-from pnpct.comparison.honesty import LARGEST_HELD_OUT_T, Evidence, cross_view, judge, sweep
-from pnpct.comparison.results import Check
+from pnpct.comparison import Check
+from pnpct.comparison.data_checks import LARGEST_HELD_OUT_T, Evidence, cross_view, judge, weaker_prior
 from pnpct.evaluation import consistency, score_test, split_views
 from pnpct.files import read_image
 
@@ -19,7 +19,7 @@ def by_name(checks: tuple[Check, ...], method: str) -> dict[str, Check]:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    return evidence(tmp_path_factory.mktemp("honesty"))
+    return evidence(tmp_path_factory.mktemp("checks"), methods(fixed("liar", TRUTH + FAKE)))
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +57,10 @@ def test_a_score_fails_beyond_its_limit_and_never_passes(judged) -> None:
 
 
 def test_without_a_trusted_image_nothing_is_judged(tmp_path: Path) -> None:
-    measured = evidence(tmp_path, truth=None)
+    measured = evidence(tmp_path, methods(fixed("liar", TRUTH + FAKE)), truth=None)
     _, checks = judge(measured, {"blurred-fbp": images(measured)["blurred-fbp"], "liar": TRUTH + FAKE})
     assert len(checks) == 8
-    assert {check.verdict for check in (*checks, *cross_view(measured, PLAN.candidates()))} == {"not judged"}
+    assert {check.verdict for check in (*checks, *cross_view(measured))} == {"not judged"}
     assert all(by_name(checks, "liar")[name].high is None for name in RESIDUAL)
 
 
@@ -89,27 +89,27 @@ def test_an_empty_image_is_not_judged(tmp_path: Path) -> None:
     maps, (check,) = judge(empty, images(empty))
     assert maps == {}
     assert check.verdict == "not judged"
-    assert list(cross_view(empty, PLAN.candidates())) == []
-    assert sweep(empty, TRUTH) == ({}, ())
+    assert list(cross_view(empty)) == []
+    assert weaker_prior(empty, images(empty)) == ({}, ())
 
 
 def test_what_a_method_invents_does_not_pass_in_views_that_it_has_not_seen(small: Evidence) -> None:
-    candidates = fixed("honest", TRUTH + 0.01 * FAKE), PLAN.candidates()[1], fixed("liar", TRUTH + FAKE)
-    honest, blurred, liar = cross_view(small, candidates)
+    of_all = replace(small, methods=methods(fixed("honest", TRUTH + 0.01 * FAKE), fixed("liar", TRUTH + FAKE)))
+    _, blurred, honest, liar = cross_view(of_all)
     assert [check.verdict for check in (honest, blurred, liar)] == ["pass", "fail", "fail"]
     assert liar.high == -liar.low == LARGEST_HELD_OUT_T
     assert liar.value < 0
     measured = replace(small, truth=None)
     _, odd = split_views(small.sinogram, A)
     raw = score_test(TRUTH + FAKE, odd.sinogram, odd.projector, diameter=small.disc)
-    (alone,) = cross_view(replace(measured, folder=replace(small.folder, place="again")), candidates[2:])
+    *_, alone = cross_view(replace(measured, folder=replace(small.folder, place="again")))
     assert alone.value == pytest.approx(raw.strongest_within(measured.body).t)
 
 
 def test_what_beam_hardening_leaves_even_in_the_truth_is_taken_off(tmp_path: Path) -> None:
     data = sinogram()
     hardened = replace(data, line_integrals=data.line_integrals + A(0.5 * FAKE))
-    of = replace(evidence(tmp_path), sinogram=hardened)
+    of = replace(evidence(tmp_path, methods(fixed("liar", TRUTH + FAKE))), sinogram=hardened)
     _, checks = judge(of, {"fbp": TRUTH, "liar": TRUTH + 2 * FAKE})
     assert float(of.score.max()) > 5
     fine, fake = (by_name(checks, name)["largest score"] for name in ("fbp", "liar"))
@@ -117,14 +117,17 @@ def test_what_beam_hardening_leaves_even_in_the_truth_is_taken_off(tmp_path: Pat
 
 
 def test_other_views_are_left_out_with_the_lesion(small: Evidence) -> None:
-    assert list(cross_view(replace(small, plan=replace(PLAN, lesion_hu=0.0)), PLAN.candidates())) == []
+    assert list(cross_view(replace(small, study=replace(STUDY, lesion_hu=0.0)))) == []
+
+
+def test_methods_without_a_prior_are_not_swept(small: Evidence) -> None:
+    assert weaker_prior(small, images(small)) == ({}, ())
 
 
 @pytest.mark.parametrize(("beta", "words"), [(1.0, "the scores say"), (0.02, "only the prior vouches")])
 def test_what_the_prior_changes_is_shown_and_left_to_readers(tmp_path: Path, beta: float, words: str) -> None:
-    small = evidence(tmp_path, plan=replace(PLAN, beta=beta))
-    image = images(small)["prior"]
-    maps, (check,) = sweep(small, image)
+    small = evidence(tmp_path, swept(beta))
+    maps, (check,) = weaker_prior(small, images(small))
     assert check.verdict == "not judged"
     assert (check.value > 1) == (beta == 1.0)
     assert words in check.says
