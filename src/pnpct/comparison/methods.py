@@ -122,7 +122,7 @@ class Candidates:
 
     def __getitem__(self, name: str) -> Candidate:
         """Return the method of a name."""
-        return next(each for each in self.all if each.name == name)
+        return {each.name: each for each in self.all}[name]
 
     @property
     def baseline(self) -> Candidate:
