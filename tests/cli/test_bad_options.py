@@ -72,12 +72,12 @@ OPTIONS = [
     Case("two patients", SIMULATE + " --anatomy head --body {here}/a.zip", "--anatomy --body", with_text("a.zip", "")),
     Case("a series in .npy", SIMULATE + " --body {here}/a.npy", "a.npy .npz", with_text("a.npy", "")),
     Case("noise of procedural patients", DATASET + " --noise-hu 20", "noise needs such a series"),
-    Case("a share that is no number", DATASET + " --validation nan", "shares"),
+    Case("a share that is no number", DATASET + " --validation nan", "fractions"),
     Case("no cases", DATASET + " --cases 0", "needs patients"),
     Case("no rows", DATASET + " --rows 0", "rows at least 1 0"),
     Case("an unknown part of the body", DATASET + " --anatomy head,tail", "no anatomy tail"),
     Case("voltages of mammography", DATASET + " --tube-voltages-kvp 28 30", "70 to 140 kVp"),
-    Case("nobody to train on", DATASET + " --validation 0.8 --test 0.5", "validation tests more than 1"),
+    Case("nobody to train on", DATASET + " --validation 0.8 --test 0.5", "validation testing exceed 1"),
     Case("no processes", DATASET + " --processes 0", "at least one process 0"),
     Case("an unknown simulator", DATASET + " --simulator gate", "--simulator gate own catsim"),
     Case("more rows than the head is high", DATASET + " --anatomy head --rows 2000", "2000 rows need"),
@@ -136,7 +136,7 @@ def test_a_full_disk_gets_one_line_and_leaves_nothing_behind(made, tmp_path):
     )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert f"{tmp_path / 'out.h5'} was not written: no room" in done.stderr
+    assert f"{tmp_path / 'out.h5'} was not written: the disk is full" in done.stderr
     assert contents(tmp_path) == {}
 
 
