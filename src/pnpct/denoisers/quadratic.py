@@ -1,4 +1,4 @@
-"""The quadratic smoothness prior, whose proximal map is a linear filter."""
+"""The quadratic smoothness prior; its proximal map is a linear filter."""
 
 import math
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ class Quadratic:
     denoise(z) = argmin_v ½‖v − z‖² + strength/2 · Σ |∇v|²  =  (1 + strength · ∇ᵀ∇)⁻¹ z
 
     solved exactly by a cosine transform, for which differences across the border are 0. Edges are blurred like noise,
-    over about √strength pixels: in the loop of ADMM it is the Gaussian Markov random field, the control that priors
-    with edges must beat.
+    over about √strength pixels: in the ADMM loop it is the Gaussian Markov random field, the control that
+    edge-preserving priors must beat.
 
     Args:
         strength: ≥ 0, in pixels²; 0 leaves the image as it is.

@@ -19,7 +19,7 @@ from pnpct.simulation.phantom import Phantom, relative_attenuation
 SLICE_THICKNESS = 0.625
 """Distance of the slices of neighbouring detector rows at the isocentre, mm."""
 _CHUNK = 16
-"""Views whose signal is added up together: few enough to stay in the cache of a processor."""
+"""Views with signals that are summed together: few enough for the cache of a CPU."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def moments_behind(paths: Float[Tensor, "materials views samples"], materials: t
 
     Args:
         paths: Length of each ray in each material, mm; several neighbouring rays for each bin of the beam if
-            cells are sampled, whose signal is averaged.
+            cells are sampled; their signals are averaged.
         materials: Names in `MATERIALS`.
         beam: What the detector absorbs without object.
 

@@ -49,7 +49,7 @@ class SplitViewPairs:
 
     def __post_init__(self) -> None:
         if self.parts.ndim < 3 or len(self.parts) < 2:
-            raise ValueError(f"One part is learnt from the others: two or more are needed, got {len(self.parts)}.")
+            raise ValueError(f"One part is predicted from the others: two or more are needed, got {len(self.parts)}.")
         if not bool(self.parts.isfinite().all()):
             raise ValueError("Images to learn from must be finite; some values are NaN or infinite.")
 

@@ -205,7 +205,7 @@ class Hip:
         yield Layer(inner, CARTILAGE)
 
     def femur(self) -> Iterator[Layer]:
-        """Return head, neck, trochanters and shaft, whose wall is thick and whose marrow is fat."""
+        """Return head, neck, trochanters and shaft, with a thick wall and fatty marrow."""
         at, (x, y, z) = self._mirrored, HEAD
         knob = ellipsoid(at(x, y, z), (24.0, 24.0, 24.0))
         neck = capsule(at(x + 6, y - 2, z - 4), at(118, -5, -30), 15.5, 16.0)

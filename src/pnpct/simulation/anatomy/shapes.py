@@ -114,7 +114,7 @@ def _superquadric(u: Array, v: Array, w: float, half_axes: Point, power: float) 
 
 
 def loft(stations: Sequence[tuple[float, float, float, float, float]], *, power: float = 2.0) -> Shape:
-    """Return a solid whose every slice is an ellipse, smooth from station to station.
+    """Return a solid with elliptical slices, smooth from station to station.
 
     Args:
         stations: Rows of z, x and y of the middle, and the half axes along x and y, mm, by growing z. The

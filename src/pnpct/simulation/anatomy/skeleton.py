@@ -35,7 +35,7 @@ def vertebra(center: tuple[float, float, float], width: float, depth: float, hei
 
 
 def spinal_canal(x: float, y: float, lowest: float, highest: float) -> Iterator[Layer]:
-    """Return the canal behind vertebrae whose bodies have their middle at x and y: fat, and the cord in it."""
+    """Return the canal behind vertebral bodies centred at x and y: fat, and the cord in it."""
     middle = (x, y - 25)
     for half_axes, tissue in (((9.5, 8.0), FAT), ((7.0, 5.8), CORD)):
         whole = ellipsoid((*middle, (lowest + highest) / 2), (*half_axes, 1e4))
