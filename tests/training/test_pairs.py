@@ -220,5 +220,5 @@ def test_examples_that_cannot_be_drawn_are_refused(file: Path) -> None:
         Examples([file], picture, (), seed=0, reference="truth", make_references=(picture,))
     with pytest.raises(ValueError, match="made in 2 ways have as many references, not 1"):
         Examples([file], picture, (doubled,), seed=0, make_references=(picture,))
-    with pytest.raises(ValueError, match="square of 99 pixels"):
+    with pytest.raises(ValueError, match="patch of 99 pixels"):
         Pairs(Examples([file], picture, (), seed=0), "noisy", seed=0, side=99)(0)

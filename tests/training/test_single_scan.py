@@ -45,5 +45,5 @@ def test_what_cannot_be_learnt_from_is_refused() -> None:
         SplitViewPairs(PARTS[:1], seed=0)
     with pytest.raises(ValueError, match="finite"):
         SplitViewPairs(torch.full((2, 8, 8), torch.nan), seed=0)
-    with pytest.raises(ValueError, match="square of 9 pixels"):
+    with pytest.raises(ValueError, match="patch of 9 pixels"):
         SplitViewPairs(PARTS, seed=0, side=9)(0)
