@@ -56,7 +56,7 @@ OLD_RESULTS = with_text("metrics.json", '{"format": "pnpct-comparison", "format_
 
 MISTAKES = [
     Mistake("no folder", "report {here}/none", "none cannot be written no folder"),
-    Mistake("no results", "report {here} {here}/r.html", "metrics.json No such file"),
+    Mistake("no results", "report {here} {here}/r.html", "There is no file metrics.json"),
     Mistake("other results", "report {here} {here}/r.html", "metrics.json not what a comparison writes", NOT_RESULTS),
     Mistake("an older version", "report {here} {here}/r.html", "metrics.json format version 1 reads 2", OLD_RESULTS),
     Mistake("another suffix", "report {here} {here}/report.pdf", "report.pdf must end in .html"),
