@@ -18,7 +18,8 @@ def made(tmp_path_factory) -> Path:
     """A folder with a simulated scan, its FBP image, and the same scan as arrays of numpy."""
     folder = tmp_path_factory.mktemp("made")
     scan, image = folder / "scan.h5", folder / "image.h5"
-    assert main(["simulate", "scan", str(scan), "--size", "128", "--views", "120", "--bins", "225"]) == 0
+    words = "--anatomy head --size 64 --views 60 --bins 100"
+    assert main(["simulate", "scan", str(scan), *words.split()]) == 0
     assert main(["reconstruct", str(scan), str(image), "--method", "fbp"]) == 0
     with h5py.File(scan) as file:
         np.save(folder / "counts.npy", file["counts"][()])
@@ -31,10 +32,10 @@ def made(tmp_path_factory) -> Path:
 GEOMETRY = {
     "source_to_isocenter_mm": 541,
     "source_to_detector_mm": 949,
-    "bins": 225,
-    "bin_width_mm": 1.0239 * 4,
+    "bins": 100,
+    "bin_width_mm": 1.0239 * 9,
     "detector_offset_bins": 0.25,
-    "views": 120,
+    "views": 60,
 }
 
 

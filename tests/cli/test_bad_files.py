@@ -28,8 +28,8 @@ EVALUATE = "evaluate {here}/bad.h5 {made}/scan.h5 {here}/out.json"
 AGAINST = "evaluate {made}/image.h5 {here}/bad.h5 {here}/out.json"
 
 IMPORTING = [
-    Case("transposed counts", BAD_ARRAY, "(225, 120) 120 views 225 bins transpose", with_counts(np.transpose)),
-    Case("counts of another shape", BAD_ARRAY, "(120, 200) 120 views 225 bins", with_counts(lambda a: a[:, :200])),
+    Case("transposed counts", BAD_ARRAY, "(100, 60) 60 views 100 bins transpose", with_counts(np.transpose)),
+    Case("counts of another shape", BAD_ARRAY, "(60, 80) 60 views 100 bins", with_counts(lambda a: a[:, :80])),
     Case("counts with NaN", BAD_ARRAY, "bad.npy not finite", with_counts(lambda a: np.where(a > 5e3, np.nan, a))),
     Case("negative counts", BAD_ARRAY, "lowest count -1000", with_counts(lambda a: a - a.min() - 1000)),
     Case("counts as line integrals", ARRAYS + " --kind line-integrals", "no line integral counts"),
@@ -52,14 +52,14 @@ IMPORTING = [
     Case(
         "a correction for other bins",
         ARRAYS + " --beam-hardening {here}/bad.npy",
-        "200 bins 225",
-        with_array("bad.npy", np.tile([1.0, 0.0], (200, 1))),
+        "80 bins 100",
+        with_array("bad.npy", np.tile([1.0, 0.0], (80, 1))),
     ),
     Case("no configuration of CatSim", CATSIM, "There is no file raw.json"),
     Case("no raw file", CATSIM, "There is no file raw.scan", with_catsim(0, 3)),
     Case("no air scan", CATSIM, "There is no file raw.air", with_catsim(6, 0)),
-    Case("a raw file cut short", CATSIM, "raw.scan truncated", with_catsim(5, 3)),
-    Case("an air scan cut short", CATSIM, "raw.air 8 bytes truncated", with_catsim(6, 2)),
+    Case("a raw file truncated", CATSIM, "raw.scan truncated", with_catsim(5, 3)),
+    Case("an air scan truncated", CATSIM, "raw.air 8 bytes truncated", with_catsim(6, 2)),
     Case("no such detector row", CATSIM + " --detector-row 3", "rows 0 to 0 row 3", with_catsim(6, 3)),
 ]
 
@@ -75,8 +75,8 @@ READING = [
     Case("a scan without geometry", BAD, "bad.h5 /geometry is missing", without("geometry")),
     Case("a scan with NaN", BAD, "bad.h5 /counts not finite", with_count(np.nan)),
     Case("a scan with a negative count", BAD, "bad.h5 lowest count -1e+06", with_count(-1e6)),
-    Case("counts that do not fit", BAD, "bad.h5 counts (3, 4) (120, 225)", with_dataset("counts", 3, 4)),
-    Case("incident that does not fit", BAD, "bad.h5 incident (120, 225) (7,)", with_dataset("incident", 7)),
+    Case("counts that do not fit", BAD, "bad.h5 counts (3, 4) (60, 100)", with_dataset("counts", 3, 4)),
+    Case("incident that does not fit", BAD, "bad.h5 incident (60, 100) (7,)", with_dataset("incident", 7)),
     Case(
         "an image that no ray meets",
         BAD,
@@ -92,18 +92,18 @@ COMPARING = [
     Case(
         "an image of another size",
         EVALUATE,
-        "10 x 10 pixels 128 x 128",
+        "10 x 10 pixels 64 x 64",
         with_dataset("image", 10, 10, of="image.h5", rows=10, cols=10),
     ),
-    Case("other pixels", EVALUATE, "3.6 mm 3.51562 mm", with_attributes("image", of="image.h5", spacing_mm=3.6)),
+    Case("other pixels", EVALUATE, "3.6 mm 3.90625 mm", with_attributes("image", of="image.h5", spacing_mm=3.6)),
     Case("an image aside", EVALUATE, "(1, 0) (0, 0)", with_attributes("image", of="image.h5", center_xy_mm=(1.0, 0.0))),
-    Case("a batch", EVALUATE, "one shape (2, 128, 128)", with_dataset("image", 2, 128, 128, of="image.h5")),
-    Case("an image cut short", EVALUATE, "bad.h5 truncated", cut(0.9, of="image.h5")),
+    Case("a batch", EVALUATE, "one shape (2, 64, 64)", with_dataset("image", 2, 64, 64, of="image.h5")),
+    Case("an image truncated", EVALUATE, "bad.h5 truncated", cut(0.9, of="image.h5")),
     Case("a picture for an image", "evaluate {here}/a.png {made}/scan.h5", "a.png 256 greys", with_text("a.png", "")),
     Case("a scan for an image", "evaluate {made}/scan.h5 {made}/scan.h5", "pnpct-scan pnpct-image needed"),
     Case("a scan without truth", AGAINST, "bad.h5 without its truth", without("truth")),
     Case("a constant truth", AGAINST, "reference constant no range", with_dataset("truth/image", 128, 128, value=0.0)),
-    Case("NIfTI cut short", "evaluate {here}/a.nii {made}/scan.h5", "a.nii complete NIfTI", with_text("a.nii", "n+1")),
+    Case("NIfTI truncated", "evaluate {here}/a.nii {made}/scan.h5", "a.nii complete NIfTI", with_text("a.nii", "n+1")),
     Case("no truth", "evaluate {made}/image.h5", "missing TRUTH"),
 ]
 

@@ -51,7 +51,7 @@ def test_a_classical_denoiser_does_what_it_does_in_python(name, strength, run, m
     out = tmp_path / "out.h5"
     status, said, err = run("denoise", made / "image.h5", out, "--denoiser", name, "--strength", strength)
     assert (status, err) == (0, "")
-    assert said == f"Wrote {out}: 128 x 128 pixels of 3.516 mm.\n"
+    assert said == f"Wrote {out}: 64 x 64 pixels of 3.906 mm.\n"
     (image, grid), (denoised, kept) = read_image(made / "image.h5"), read_image(out)
     assert kept == grid
     torch.testing.assert_close(denoised, make_denoiser(name, strength)(image), rtol=0, atol=1e-6)

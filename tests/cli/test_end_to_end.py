@@ -14,8 +14,8 @@ from pnpct.files import Provenance, read_image, read_scan, read_truth, sha256_of
 from pnpct.report.panel_layout import FOOTER, GAP, HEADER, MARGIN, SIDE
 from pnpct.units import to_hu
 
-SMALL = ["--size", "128", "--views", "120", "--bins", "225"]
-TINY = ["--size", "48", "--views", "40", "--bins", "90"]
+SMALL = ["--anatomy", "head", "--size", "64", "--views", "60", "--bins", "100"]
+TINY = ["--anatomy", "head", "--size", "32", "--views", "40", "--bins", "60"]
 
 
 def settings_of(path):
@@ -24,12 +24,12 @@ def settings_of(path):
 
 def test_from_a_seed_to_numbers(run, tmp_path):
     scan, fbp, pnp, tv = (tmp_path / name for name in ("scan.h5", "fbp.h5", "pnp.nii.gz", "tv.h5"))
-    status, out, err = run("simulate", "scan", scan, *SMALL, "--tube-current-ma", "5", "--seed", "3")
+    status, out, err = run("simulate", "scan", scan, *SMALL, "--tube-current-ma", "2", "--seed", "3")
     assert (status, err) == (0, "")
-    assert out == f"Wrote {scan}: 120 views of 225 bins on an arc, and the truth.\n"
+    assert out == f"Wrote {scan}: 60 views of 100 bins on an arc, and the truth.\n"
     status, out, err = run("info", scan)
     assert (status, err) == (0, "")
-    for line in ("pnpct-scan", "seed: 3", "holds: 120 x 225, float32", "source_to_isocenter_mm: 541.0", "spacing_mm"):
+    for line in ("pnpct-scan", "seed: 3", "holds: 60 x 100, float32", "source_to_isocenter_mm: 541.0", "spacing_mm"):
         assert line in out
     assert run("reconstruct", scan, fbp, "--method", "fbp", "--kernel", "soft")[0] == 0
     assert run("reconstruct", scan, pnp, "--denoiser", "tv", "--strength", "40", "--iterations", "4")[0] == 0
@@ -60,7 +60,7 @@ def test_the_sidecar_says_what_was_done(run, made, tmp_path):
     assert 0 < said.settings["beta"] < 1
     assert said.settings["iterations_done"] == 2
     assert said.settings["stopped_by"] == "iterations"
-    assert said.settings["grid"] == {"rows": 128, "cols": 128, "spacing": 450 / 128, "center": [0, 0]}
+    assert said.settings["grid"] == {"rows": 64, "cols": 64, "spacing": 250 / 64, "center": [0, 0]}
     with h5py.File(image) as file:
         assert Provenance.from_json(file.attrs["provenance"]) == said
 
@@ -126,7 +126,7 @@ def test_imported_arrays_are_the_scan_they_came_from(run, made, tmp_path):
         ),
     )
     assert (status, err) == (0, "")
-    assert out == f"Wrote {scan}: 120 views of 225 bins on an arc.\n"
+    assert out == f"Wrote {scan}: 60 views of 100 bins on an arc.\n"
     imported, simulated = read_scan(scan), read_scan(made / "scan.h5")
     assert imported.geometry == simulated.geometry
     assert torch.equal(imported.counts, simulated.counts)
@@ -153,8 +153,8 @@ def test_raw_files_of_catsim_become_the_scan_they_hold(run, made, tmp_path):
     electrons = 17 * 70.0
     (scan.counts.clamp(min=0) * electrons).numpy().astype("<f4").tofile(tmp_path / "raw.scan")
     (scan.incident * electrons).numpy().astype("<f4").tofile(tmp_path / "raw.air")
-    keys = {"sid_mm": 541, "sdd_mm": 949, "n_cols": 225, "col_pitch_mm": 1.0239 * 4, "col_offset_cols": 0.25}
-    keys |= {"n_views": 120, "views_per_rotation": 120, "start_angle_deg": 0, "rotation_direction": 1}
+    keys = {"sid_mm": 541, "sdd_mm": 949, "n_cols": 100, "col_pitch_mm": 1.0239 * 9, "col_offset_cols": 0.25}
+    keys |= {"n_views": 60, "views_per_rotation": 60, "start_angle_deg": 0, "rotation_direction": 1}
     (tmp_path / "raw.json").write_text(json.dumps({**keys, "gain_e_per_keV": 17, "eNoise_e": 3500}))
     status, _, err = run(
         "import", "catsim", tmp_path / "raw", tmp_path / "scan.h5", "--configuration", tmp_path / "raw.json"
@@ -168,8 +168,8 @@ def test_raw_files_of_catsim_become_the_scan_they_hold(run, made, tmp_path):
 
 def test_the_size_and_the_field_of_view_may_be_chosen(run, made, tmp_path):
     for words, shape, side in (
-        (["--size", "60"], (60, 60), 450.0),
-        (["--field-of-view", "300"], (128, 128), 300.0),
+        (["--size", "30"], (30, 30), 250.0),
+        (["--field-of-view", "300"], (64, 64), 300.0),
         (["--size", "40", "--field-of-view", "200"], (40, 40), 200.0),
     ):
         assert run("reconstruct", made / "scan.h5", tmp_path / "image.h5", "--method", "fbp", *words)[0] == 0
@@ -183,9 +183,9 @@ def test_images_may_be_written_for_viewers(run, made, tmp_path):
     for name in ("image.nii", "image.png"):
         assert run("reconstruct", made / "scan.h5", tmp_path / name, "--method", "fbp")[0] == 0
     voxels = np.asarray(nib.load(tmp_path / "image.nii").dataobj)
-    np.testing.assert_allclose(voxels[::-1, ::-1, 0].T, to_hu(reference).numpy(), atol=0.01)
+    np.testing.assert_allclose(voxels[::-1, ::-1].T, to_hu(reference).numpy(), atol=0.01)
     with Picture.open(tmp_path / "image.png") as picture:
-        assert picture.size == (128, 128)
+        assert picture.size == (64, 64)
 
 
 def test_an_image_is_compared_with_an_image_too(run, made, tmp_path):
