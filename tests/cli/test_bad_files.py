@@ -102,7 +102,7 @@ COMPARING = [
     Case("a picture for an image", "evaluate {here}/a.png {made}/scan.h5", "a.png 256 greys", with_text("a.png", "")),
     Case("a scan for an image", "evaluate {made}/scan.h5 {made}/scan.h5", "pnpct-scan pnpct-image needed"),
     Case("a scan without truth", AGAINST, "bad.h5 without its truth", without("truth")),
-    Case("a constant truth", AGAINST, "reference constant no range", with_dataset("truth/image", 128, 128, value=0.0)),
+    Case("a constant truth", AGAINST, "reference constant no range", with_dataset("truth/image", 64, 64, value=0.0)),
     Case("NIfTI truncated", "evaluate {here}/a.nii {made}/scan.h5", "a.nii complete NIfTI", with_text("a.nii", "n+1")),
     Case("no truth", "evaluate {made}/image.h5", "missing TRUTH"),
 ]

@@ -123,19 +123,21 @@ def test_a_folder_that_is_not_writable_is_found_before_the_work(run, made, tmp_p
     assert "not writable" in err
 
 
-def test_a_full_disk_gets_one_line_and_leaves_nothing_behind(made, tmp_path):
-    program = "import sys; from pnpct.cli import main; sys.exit(main())"
-    words = ["reconstruct", str(made / "scan.h5"), str(tmp_path / "out.h5"), "--method", "fbp"]
-    done = subprocess.run(
-        [sys.executable, "-c", program, *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000)),
-    )
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert f"{tmp_path / 'out.h5'} was not written: the disk is full" in done.stderr
+@pytest.fixture
+def full_disk():
+    """A disk on which no file can grow beyond 10 kB."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_gets_one_line_and_leaves_nothing_behind(run, made, tmp_path):
+    status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--method", "fbp")
+    assert status == 2
+    assert err.count("\n") == 1
+    assert f"{tmp_path / 'out.h5'} was not written: the disk is full" in err
     assert contents(tmp_path) == {}
 
 
