@@ -50,7 +50,7 @@ def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_pa
         ("{scan} --method single-scan --parts 1", "two parts 1"),
         ("{scan} --method single-scan --parts 3", "30 views 60"),
         ("{scan} --method single-scan --noise-input", "noise-conditioned single scan"),
-        ("{scan} --method single-scan --parts 2 --side 99", "square of 99 pixels"),
+        ("{scan} --method single-scan --parts 2 --side 99", "patch of 99 pixels"),
     ],
 )
 def test_what_a_method_cannot_learn_from_is_one_sentence(

@@ -9,6 +9,7 @@ import msgspec
 
 from pnpct.evaluation import Detectability, Interval, LesionRecovery, Patch, TextureChange
 from pnpct.files import FileFormatError, Provenance, atomic_path
+from pnpct.files.errors import existing_file
 from pnpct.geometry import ImageGrid
 
 RESULTS = "metrics.json"
@@ -285,7 +286,7 @@ def read_comparison(folder: Path) -> Comparison:
         FileFormatError: If it is something else, or of another format version.
     """
     path = folder / RESULTS
-    content = path.read_bytes()
+    content = existing_file(path).read_bytes()
     try:
         found = msgspec.json.decode(content)
         if not isinstance(found, dict) or found.pop("format", None) != FORMAT:
