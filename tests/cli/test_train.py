@@ -115,6 +115,36 @@ def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
     assert "remove it to start again" in err
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda state: state["epoch"].update(number=10**9),
+        lambda state: state["epoch"].update(number="2"),
+        lambda state: state["epoch"].update(loss=None),
+        lambda state: state["epoch"].update(stage=["fine-tuning"]),
+        lambda state: state["epoch"].update(stage="single-scan"),
+        lambda state: state["epoch"].pop("optimizer"),
+        lambda state: state["epoch"]["optimizer"].update(state=7),
+        lambda state: state["epoch"]["optimizer"].update(param_groups=[]),
+        lambda state: state["epoch"]["optimizer"]["state"][0].update(exp_avg=torch.zeros(3)),
+        lambda state: state["epoch"]["weights"].popitem(),
+        lambda state: state["epoch"].update(weights=[1, 2]),
+        lambda state: state.update(losses=3),
+    ],
+)
+def test_a_state_of_wrong_inner_types_is_refused(dataset: Path, again: Path, cached, run, change) -> None:
+    path = again.with_suffix(".training")
+    content = torch.load(path, weights_only=True)
+    content["state"]["epoch"]["number"] = 1
+    change(content["state"])
+    torch.save(content, path)
+    status, _, err = run("train", dataset, again, *cached)
+    assert status == 2
+    assert err.count("\n") == 1
+    assert "start again" in err or "cannot be continued" in err
+    assert not again.exists()
+
+
 def test_patients_of_further_data_sets_are_learnt_from_too(
     trained: Path, dataset: Path, tmp_path: Path, run, cached
 ) -> None:

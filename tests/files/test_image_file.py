@@ -220,8 +220,8 @@ def test_gradients_and_other_precisions_do_not_matter(tmp_path, image):
         ("image.h5", (6, 4), {}, "must end in the grid's (4, 6), got (6, 4)"),
         ("image.nii", (2, 4, 6), {}, "one image or one volume, got a batch of the shape (2, 4, 6); use .h5"),
         ("image.png", (2, 2, 4, 6), {}, "an image or one row of slices, got the shape (2, 2, 4, 6); use .h5"),
-        ("image.png", (4, 6), {"window": (30.0, 0.0)}, "positive width, got (30.0, 0.0)"),
-        ("image.png", (4, 6), {"window": (float("nan"), 1.0)}, "positive width, got (nan, 1.0)"),
+        ("image.png", (4, 6), {"window": (30.0, 0.0)}, "positive width in HU, got (30.0, 0.0)"),
+        ("image.png", (4, 6), {"window": (float("nan"), 1.0)}, "positive width in HU, got (nan, 1.0)"),
     ],
 )
 def test_what_cannot_be_written_is_one_sentence(tmp_path, name, shape, options, message):

@@ -219,16 +219,6 @@ def replace(name, values):
     return change
 
 
-def bomb(name, shape):
-    """A dataset that declares more than anybody has stored."""
-
-    def change(file):
-        del file[name]
-        file.create_dataset(name, shape, "f4", chunks=True, compression="gzip")
-
-    return change
-
-
 @pytest.mark.parametrize("name", ["counts", "incident", "electronic_noise", "geometry/view_angles"])
 def test_a_missing_dataset_is_named(path, name):
     edited = edit(path, lambda file: file.pop(name))
@@ -269,19 +259,6 @@ def test_a_missing_dataset_is_named(path, name):
         (replace("incident", 0.0), "incident must be positive"),
         (replace("electronic_noise", np.ones(2)), r"must be one number, got the shape \(2,\)"),
         (replace("geometry/view_angles", np.ones((2, 2))), r"view angles must have the shape \(views,\)"),
-        (replace("geometry/view_angles", np.zeros(1_000_001)), "at most 1000000 views, got 1000001"),
-        (lambda file: file["geometry"].update({"focal_spot_shifts": np.float64(1.0)}), r"got \(60,\), \(0,\) and \(\)"),
-        (
-            lambda file: file["geometry"].attrs.update(source_to_isocenter_mm=np.inf),
-            "source_to_isocenter_mm of /geometry must be a finite number, got inf",
-        ),
-        (lambda file: file["geometry"].attrs.update(detector=7), "detector of /geometry must be text, got .*7"),
-        (lambda file: file["geometry"].attrs.update(detector="round"), r"detector is .arc. or .flat., got .round."),
-        (replace("counts", h5py.Empty("f4")), "/counts is empty"),
-        (
-            bomb("counts", (1 << 20, 1 << 20)),
-            r"/counts declares 1099511627776 numbers, which cannot be in the .* bytes",
-        ),
         (lambda file: file["geometry"].attrs.update(detector_rows=2), "row_height_mm of /geometry is missing"),
         (replace("beam_hardening/coefficients", np.ones((7, 2))), "for 7 bins, the scan has 48"),
         (replace("geometry", 1.0), "the group /geometry is missing in this file"),
@@ -298,8 +275,6 @@ def test_content_that_does_not_fit_is_one_sentence(path, change, message):
     [
         ("rows", 31, r"the image has the shape \(32, 32\), but its grid \(31, 32\)"),
         ("cols", [1, 2], r"cols of /truth/image must be a finite number, got \[1, 2\]"),
-        ("cols", np.inf, "cols of /truth/image must be a finite number, got inf"),
-        ("rows", 31.5, r"rows of /truth/image must be a whole number, got 31\.5"),
         ("spacing_mm", -1.0, "pixel spacing must be a positive length in mm, got -1.0"),
         ("center_xy_mm", 3.0, "center_xy_mm of /truth/image must be 2 finite numbers, got 3.0"),
     ],

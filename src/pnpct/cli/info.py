@@ -7,7 +7,7 @@ from typing import Any
 
 from tyro.conf import Positional
 
-from pnpct.cli.terminal import say
+from pnpct.cli.terminal import say, shortened
 from pnpct.files import describe_file
 
 
@@ -45,6 +45,6 @@ class Info:
 
 
 def _say_section(title: str, values: Mapping[str, Any]) -> None:
-    lines = [f"  {name}: {value}" for name, value in values.items() if value not in ("", None, {}, [])]
+    lines = [f"  {name}: {shortened(str(value))}" for name, value in values.items() if value not in ("", None, {}, [])]
     if lines:
         say("\n".join(["", title, *lines]))

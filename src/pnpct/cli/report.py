@@ -1,6 +1,7 @@
 """`pnpct report`: from a comparison to a page."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from tyro.conf import Positional
 from pnpct.cli.artefact import check_output, finish
 from pnpct.cli.terminal import working
 from pnpct.comparison import RESULTS, read_comparison
-from pnpct.files import record_run
+from pnpct.files import atomic_path, record_run
 from pnpct.report import panel_rows, write_panels, write_report
 
 
@@ -40,10 +41,12 @@ class Report:
             check_output(path, (suffix,), inputs=[results])
         comparison, window = read_comparison(self.folder), (self.level, self.width)
         provenance = record_run(command, inputs=[results])
-        with working("drawing"):
-            failed = write_report(self.folder, page, window=window)
+        with working("drawing"), ExitStack() as whole:
+            # All of them or none: a page stays behind no failure of the panels.
+            drawn_page, *drawn_panels = (whole.enter_context(atomic_path(path)) for path in (page, *panels))
+            failed = write_report(self.folder, drawn_page, window=window)
             rows = panel_rows(self.folder, comparison)
-            for panel in panels:
+            for panel in drawn_panels:
                 write_panels(panel, rows, provenance=provenance, window=window)
         verdict = _count(failed, "failed check") if failed else "no failed check"
         finish(page, provenance, summary=f"{_count(len(comparison.cases), 'case')}, {verdict}")

@@ -7,6 +7,9 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 
+_LONGEST = 1000
+"""Letters of a line; the longest path that is usual has a few hundred."""
+
 
 def say(text: str) -> None:
     """Write lines to stdout unbuffered: a log must have them even if the program is killed."""
@@ -16,8 +19,13 @@ def say(text: str) -> None:
 
 def complain(text: str) -> None:
     """Write one line to stderr, beginning with the program's name."""
-    sys.stderr.write(f"pnpct: {' '.join(text.split())}\n")
+    sys.stderr.write(f"pnpct: {shortened(' '.join(text.split()))}\n")
     sys.stderr.flush()
+
+
+def shortened(text: str) -> str:
+    """Return a text that a file may have made long, with its beginning and its end."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 200]} ... {text[-195:]}"
 
 
 @contextmanager

@@ -142,7 +142,7 @@ def measure_phantoms(folder: Path, jobs: Sequence[PhantomJob], *, processes: int
 def _stored(path: Path) -> PhantomMeasurement | None:
     try:
         return msgspec.json.decode(path.read_bytes(), type=PhantomMeasurement)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, RecursionError, ValueError):
         return None
 
 

@@ -9,7 +9,8 @@ import msgspec
 
 from pnpct.evaluation import Detectability, Interval, LesionRecovery, Patch, TextureChange
 from pnpct.files import FileFormatError, Provenance, atomic_path
-from pnpct.files.errors import existing_file
+from pnpct.files.errors import shown
+from pnpct.files.json_file import check_numbers, load_json
 from pnpct.geometry import ImageGrid
 
 RESULTS = "metrics.json"
@@ -286,16 +287,16 @@ def read_comparison(folder: Path) -> Comparison:
         FileFormatError: If it is something else, or of another format version.
     """
     path = folder / RESULTS
-    content = existing_file(path).read_bytes()
+    found = load_json(path)
+    if found.pop("format", None) != FORMAT:
+        raise FileFormatError(f"{path} is not what a comparison writes.")
+    if (written := found.pop("format_version", None)) != FORMAT_VERSION:
+        raise FileFormatError(
+            f"{path} has the format version {shown(written)}, and this pnpct reads {FORMAT_VERSION}: make the comparison "
+            "again, or read it with the pnpct that wrote it."
+        )
     try:
-        found = msgspec.json.decode(content)
-        if not isinstance(found, dict) or found.pop("format", None) != FORMAT:
-            raise FileFormatError(f"{path} is not what a comparison writes.")
-        if (written := found.pop("format_version", None)) != FORMAT_VERSION:
-            raise FileFormatError(
-                f"{path} has the format version {written}, and this pnpct reads {FORMAT_VERSION}: make the comparison "
-                "again, or read it with the pnpct that wrote it."
-            )
+        check_numbers(found)
         return msgspec.convert(found, Comparison)
-    except msgspec.MsgspecError as error:
-        raise FileFormatError(f"{path} is not what a comparison writes: {error}.") from error
+    except ValueError as error:
+        raise FileFormatError(f"{path} is not what a comparison writes: {str(error).rstrip('.')}.") from error

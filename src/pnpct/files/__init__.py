@@ -9,7 +9,7 @@ from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
 from pnpct.files.geometry_json import WrittenGeometry, read_geometry
 from pnpct.files.hdf5 import describe_file
-from pnpct.files.image_file import read_image, write_image
+from pnpct.files.image_file import check_window, read_image, write_image
 from pnpct.files.image_series import ImageSeries, read_volume
 from pnpct.files.importers import scan_from_arrays
 from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
@@ -33,6 +33,7 @@ __all__ = [
     "Split",
     "WrittenGeometry",
     "atomic_path",
+    "check_window",
     "describe_file",
     "export_onnx",
     "load_array",

@@ -260,7 +260,7 @@ def describe_file(path: PathLike) -> dict[str, Any]:
     def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
         plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in item.attrs.items()}
         if isinstance(item, h5py.Dataset):
-            arrays[name] = {"shape": item.shape, "type": str(item.dtype)}
+            arrays[name] = {"shape": item.shape or (), "type": str(item.dtype)}
             arrays[name] |= {key: plain.pop(key, "") for key in ("units", "description")}
         if plain:
             attributes[name] = plain
@@ -268,9 +268,12 @@ def describe_file(path: PathLike) -> dict[str, Any]:
     with open_hdf5(path, formats=()) as file:
         visit("/", file)
         file.visititems(visit)
-        root = attributes.pop("/")
-        provenance = vars(Provenance.from_json(root.pop("provenance")))
-    known = {key: root.pop(key, "") for key in ("format", "format_version", "description")}
+        description = text_of(file, "description")
+        provenance = vars(Provenance.from_json(text_of(file, "provenance")))
+    root = attributes.pop("/")
+    known = {"format": root["format"], "format_version": root["format_version"], "description": description}
+    for name in (*known, "provenance"):
+        del root[name]
     if root:
         attributes["/"] = root
     return {**known, "provenance": provenance, "arrays": arrays, "attributes": attributes}

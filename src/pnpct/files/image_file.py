@@ -31,6 +31,7 @@ from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu, to_hu
 
 FORMAT = "pnpct-image"
+_NARROWEST_WINDOW, _WIDEST_WINDOW = 1e-3, 1e5
 
 
 def write_image(
@@ -103,6 +104,17 @@ def read_image(path: PathLike) -> tuple[Image | Volume, Grid]:
         return read_image_dataset(file)
 
 
+def check_window(window: tuple[float, float]) -> None:
+    """Check that a level and a width in HU show something.
+
+    Raises:
+        ValueError: If the level is beyond ±100,000 HU, or the width not from 0.001 to 100,000 HU.
+    """
+    level, width = window
+    if not (abs(level) <= _WIDEST_WINDOW and _NARROWEST_WINDOW <= width <= _WIDEST_WINDOW):
+        raise ValueError(f"A window is a level and a positive width in HU, got {window}.")
+
+
 def _suffix(path: PathLike) -> str:
     name = Path(path).name.lower()
     for suffix in (".h5", ".nii", ".nii.gz", ".png"):
@@ -117,9 +129,8 @@ def _hu_array(image: Image | Volume) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def _write_png(path: PathLike, image: Image | Volume, provenance: Provenance, window: tuple[float, float]) -> None:
+    check_window(window)
     level, width = window
-    if not (width > 0 and np.isfinite(window).all()):
-        raise ValueError(f"The window of a PNG is (level, width) in HU with a positive width, got {window}.")
     montage = np.concatenate(list(_hu_array(image)), axis=1)
     greys = np.rint(np.clip((montage - level) / width + 0.5, 0.0, 1.0) * 255).astype(np.uint8)
     text = PngInfo()

@@ -6,6 +6,8 @@ from typing import Any
 
 from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
 
+_LARGEST = 1e15
+
 
 def load_json(path: PathLike) -> dict[str, Any]:
     """Load a JSON file that holds an object.
@@ -35,6 +37,18 @@ def parse_json(text: str | bytes) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise FileFormatError(f"a JSON object with named values was needed, got {shown(content)}.")
     return content
+
+
+def check_numbers(content: object) -> None:
+    """Check that no number in what JSON holds is one that nothing measured can have, and nobody could draw.
+
+    Raises:
+        FileFormatError: If there is one.
+    """
+    if isinstance(content, int | float) and not abs(content) <= _LARGEST:
+        raise FileFormatError(f"it holds the number {shown(content)}")
+    for each in content.values() if isinstance(content, dict) else content if isinstance(content, list) else ():
+        check_numbers(each)
 
 
 def file_beside(folder: Path, name: str) -> Path:

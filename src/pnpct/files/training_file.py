@@ -17,7 +17,7 @@ def write_training(path: PathLike, state: Mapping[str, Any], *, settings: Mappin
 
     Args:
         path: File to write; an existing one is replaced.
-        state: Tensors, numbers, strings, and dictionaries and lists of them.
+        state: "epoch", the fields of a `pnpct.training.Epoch`, and "losses", a list of figures for each epoch.
         settings: All that the training depends on, in plain values.
 
     Raises:
@@ -41,10 +41,28 @@ def read_training(path: PathLike, *, settings: Mapping[str, Any]) -> dict[str, A
     path = Path(existing_file(path))
     try:
         content = torch.load(path, weights_only=True, map_location="cpu")
-        made, state = content["settings"], content["state"]
+        made, state = dict(content["settings"]), dict(content["state"])
+        whole = _is_whole(state)
     except Exception as error:  # whatever a damaged archive makes of the reader
         raise FileFormatError(f"{path} is not a state of training; remove it to start again.") from error
+    if not whole:
+        raise FileFormatError(f"{path} is not a state of training; remove it to start again.")
     if made != dict(settings):
         differing = ", ".join(sorted(key for key in settings if made.get(key) != settings[key]))
         raise FileFormatError(f"{path} is of training with other settings ({differing}); remove it to start again.")
-    return dict(state)
+    return state
+
+
+def _is_whole(state: Mapping[str, Any]) -> bool:
+    epoch, losses = state["epoch"], state["losses"]
+    return (
+        set(epoch) == {"stage", "number", "loss", "weights", "optimizer"}
+        and isinstance(epoch["stage"], str)
+        and type(epoch["number"]) is int
+        and epoch["number"] >= 1
+        and isinstance(epoch["loss"], float)
+        and all(isinstance(weight, torch.Tensor) for weight in epoch["weights"].values())
+        and isinstance(epoch["optimizer"], dict)
+        and isinstance(losses, list)
+        and all(isinstance(figures, dict) for figures in losses)
+    )

@@ -11,6 +11,7 @@ from pnpct.arrays import Image
 from pnpct.comparison import Case, Check, Comparison, StoredImage
 from pnpct.comparison.image_hash import image_sha256
 from pnpct.files import read_image
+from pnpct.files.json_file import file_beside
 from pnpct.geometry import require_image_grid
 from pnpct.report.pixels import PackedPixels, pack_hu, pack_map
 from pnpct.units import to_hu
@@ -109,7 +110,7 @@ def checks_of_images(images: tuple[FoundImage, ...]) -> tuple[Check, ...]:
 
 
 def _read(folder: Path, case: Case, stored: StoredImage) -> tuple[torch.Tensor, str]:
-    path = folder / stored.file
+    path = file_beside(folder, stored.file)
     image, grid = read_image(path)
     shape = case.grid.shape
     if tuple(image.shape) != shape:

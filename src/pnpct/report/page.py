@@ -9,7 +9,7 @@ import msgspec
 from markupsafe import Markup
 
 from pnpct.comparison import Comparison, read_comparison
-from pnpct.files import atomic_path
+from pnpct.files import atomic_path, check_window
 from pnpct.report import curve_charts, header, lesion_charts, task_charts, texture_charts
 from pnpct.report.charts import legend_of
 from pnpct.report.dose_words import dose_statements
@@ -59,8 +59,7 @@ def write_report(folder: Path, path: Path, *, window: tuple[float, float] = (30.
         FileFormatError: If a file is not what it should be.
         ValueError: If an image has not the size of its case, or the window has no width.
     """
-    if not window[1] > 0:
-        raise ValueError(f"A window is a level and a positive width in HU, got {window}.")
+    check_window(window)
     comparison = read_comparison(folder)
     images = find_images(folder, comparison)
     content = _content(comparison, images, window)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pnpct.arrays import Image
 from pnpct.comparison import Detail
+from pnpct.files import check_window
 from pnpct.report.words import spell_exactly
 from pnpct.units import to_hu
 
@@ -112,8 +113,7 @@ def lay_out(rows: Sequence[PanelRow], *, window: tuple[float, float]) -> Layout:
     """
     if not rows or not all(row.images for row in rows):
         raise ValueError("A picture of panels needs at least one image in each row, got none.")
-    if not window[1] > 0:
-        raise ValueError(f"A window is a level and a positive width in HU, got {window}.")
+    check_window(window)
     names = [*dict.fromkeys(name for row in rows for name in row.images)]
     left = {name: MARGIN + number * (SIDE + GAP) for number, name in enumerate(names)}
     tiles: list[Tile] = []

@@ -15,6 +15,7 @@ from typing import Any, Literal, TypeAlias
 import torch
 from torch import distributed, nn
 
+from pnpct.training.continuing import load_epoch
 from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
 from pnpct.training.pairs import Pair
 from pnpct.training.pairwise import pairwise_losses
@@ -119,13 +120,12 @@ def train(
         raise ValueError(f"{pairs_per_epoch} pairs cannot be split into batches of {batch}, or a batch by {world}.")
     if not (0 < learning_rate < math.inf and 0 < decay <= 1):
         raise ValueError(f"A learning rate is positive and its decay from 0 to 1, got {learning_rate} and {decay}.")
-    if after is not None and after.stage != stage:
-        raise ValueError(f"An epoch of {after.stage} cannot be continued by {stage}.")
+    if after is not None and (after.stage != stage or after.number > epochs):
+        raise ValueError(f"Epoch {after.number} of {after.stage} cannot be continued by {epochs} epochs of {stage}.")
     device = next(D.parameters()).device
     optimizer = torch.optim.Adam(D.parameters(), lr=learning_rate)
     if after is not None:
-        D.load_state_dict(after.weights)
-        optimizer.load_state_dict(copy.deepcopy(dict(after.optimizer)))  # Adam would go on in what it is given
+        load_epoch(D, optimizer, after.weights, after.optimizer)
     D.train()
     for number in range(after.number if after else 0, epochs):
         optimizer.param_groups[0]["lr"] = learning_rate * decay**number

@@ -1,0 +1,34 @@
+"""How training goes on from an epoch that may come from a damaged file."""
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import nn
+
+
+def load_epoch(
+    D: nn.Module, optimizer: torch.optim.Optimizer, weights: Mapping[str, torch.Tensor], state: Mapping[str, Any]
+) -> None:
+    """Put a network and its optimizer in the state in which an epoch has left them.
+
+    Raises:
+        ValueError: If the weights are of another network, or the optimizer's state is not that of its parameters.
+    """
+    try:
+        D.load_state_dict(weights)
+        optimizer.load_state_dict(copy.deepcopy(dict(state)))  # the optimizer would go on in what it is given
+        for group in optimizer.param_groups:
+            for parameter in group["params"]:
+                averages = [optimizer.state[parameter][name] for name in ("exp_avg", "exp_avg_sq")]
+                if any(average.shape != parameter.shape or not average.isfinite().all() for average in averages):
+                    raise ValueError("the averages of its optimizer do not fit its weights")
+        if not all(parameter.isfinite().all() for parameter in D.parameters()):
+            raise ValueError("weights are not finite")
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise ValueError(
+            f"The state that training should go on from is of another network, or damaged ({reason[:200]}); remove "
+            "the .training file to start again."
+        ) from error
