@@ -54,8 +54,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         complain(_sentence(error))
         _give_up_stdout()
         return 2
-    except (MemoryError, RuntimeError) as error:
-        if not isinstance(error, MemoryError) and not any(words in str(error) for words in _OUT_OF_MEMORY):
+    except (MemoryError, RuntimeError, SystemError) as error:
+        # A SystemError is what is left of a MemoryError that a library has dropped.
+        if isinstance(error, RuntimeError) and not any(words in str(error) for words in _OUT_OF_MEMORY):
             raise
         complain("out of memory; use fewer pixels or a larger machine.")
         return 2

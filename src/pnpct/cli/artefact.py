@@ -7,6 +7,7 @@ from pathlib import Path
 from pnpct.arrays import Image
 from pnpct.cli.terminal import say
 from pnpct.files import Provenance, atomic_path, write_scan, write_sidecar
+from pnpct.files.errors import resolved
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 
@@ -37,7 +38,7 @@ def check_output(path: Path, suffixes: Sequence[str], *, inputs: Sequence[Path] 
     sidecar = path.with_name(path.name + ".json")
     for target in (path, sidecar):
         for source in inputs:
-            if source.exists() and target.resolve() == source.resolve():
+            if source.exists() and resolved(target) == resolved(source):
                 raise ValueError(f"{target} is an input and would be replaced; choose another name for the output.")
         with suppress(_WritableError), atomic_path(target):
             raise _WritableError  # it has checked the path; nothing is written yet

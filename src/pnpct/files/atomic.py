@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from pnpct.files.errors import PathLike
+from pnpct.files.errors import PathLike, resolved
 
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
@@ -58,11 +58,13 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
 
 def _writable_target(path: Path) -> Path:
     """The file that `path` names once links are followed, checked before the work and not after it."""
-    target = path.resolve()
+    target = resolved(path)
     if not target.parent.is_dir():
         raise FileNotFoundError(f"{path} cannot be written: there is no folder {path.parent}; make it first.")
     if target.is_dir():
         raise IsADirectoryError(f"{path} cannot be written: it is a folder; give the name of a file.")
+    if target.is_symlink():
+        raise OSError(f"{path} is a symbolic link that leads back to itself; remove it.")
     if target.exists() and not target.is_file():
         raise OSError(f"{path} cannot be written: it is not an ordinary file.")
     if target.exists() and not os.access(target, os.W_OK):

@@ -1,5 +1,6 @@
 """CT series in DICOM: a folder of single images becomes one volume in HU."""
 
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,7 +42,12 @@ def read_dicom_series(folder: PathLike, *, series_uid: str | None = None) -> Ima
     References:
         DICOM PS3.3, C.7.6.2 (image plane) and C.8.2.1 (CT image).
     """
-    folder = Path(folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pydicom's, of values that are against the standard and do no harm
+        return _read(Path(folder), series_uid)
+
+
+def _read(folder: Path, series_uid: str | None) -> ImageSeries:
     if not folder.is_dir():
         raise NotADirectoryError(f"{folder} is no folder; give the folder that holds the files of one CT series.")
     headers = _chosen_series(folder, _ct_headers(folder), series_uid)

@@ -30,6 +30,18 @@ def existing_file(path: PathLike) -> Path:
     return path
 
 
+def resolved(path: PathLike) -> Path:
+    """Return the path that a path leads to, once links are followed.
+
+    Raises:
+        OSError: If links lead around in a circle.
+    """
+    try:
+        return Path(path).resolve()
+    except RuntimeError as error:  # as Python before 3.13 says it
+        raise OSError(f"{path} is a symbolic link that leads back to itself; remove it.") from error
+
+
 def shown(value: object) -> str:
     """Return what a value looks like in an error, cut where it is long.
 

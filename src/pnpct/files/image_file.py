@@ -9,6 +9,7 @@ head), so with x reversed. A volume is a NIfTI file of three dimensions; an imag
 
 import gzip
 import sys
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any
@@ -162,7 +163,9 @@ def _write_nifti(path: PathLike, image: Image | Volume, grid: Grid, provenance: 
 def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     existing_file(path)
     try:
-        voxels, affine, axes = _canonical(path)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # what does not fit is refused below
+            voxels, affine, axes = _canonical(path)
     except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
         reason = " ".join(str(error).split())
         raise FileFormatError(f"{path}: this is not a complete NIfTI file ({reason}).") from error

@@ -23,12 +23,11 @@ def load_epoch(
             for parameter in group["params"]:
                 averages = [optimizer.state[parameter][name] for name in ("exp_avg", "exp_avg_sq")]
                 if any(average.shape != parameter.shape or not average.isfinite().all() for average in averages):
-                    raise ValueError("the averages of its optimizer do not fit its weights")
+                    raise ValueError("averages of other parameters")
         if not all(parameter.isfinite().all() for parameter in D.parameters()):
             raise ValueError("weights are not finite")
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
-        reason = " ".join(str(error).split()).rstrip(".")
         raise ValueError(
-            f"The state that training should go on from is of another network, or damaged ({reason[:200]}); remove "
-            "the .training file to start again."
+            "The state that training should go on from is of another network, or damaged; remove the .training file to "
+            "start again."
         ) from error
