@@ -16,22 +16,7 @@ from pydicom import dcmread
 
 Mutate = Callable[[Path, random.Random], str]
 
-NUMBERS = (
-    0,
-    -1,
-    1,
-    2.5,
-    1e-300,
-    1e18,
-    1e300,
-    1e308,
-    -1e18,
-    10**30,
-    float("nan"),
-    float("inf"),
-    float("-inf"),
-    100_000_000,
-)
+NUMBERS = (0, -1, 1, 2.5, 1e-300, 1e18, 1e300, 1e308, -1e18, 10**30, *map(float, ("nan", "inf", "-inf")), 100_000_000)
 OTHERS = (
     None,
     True,

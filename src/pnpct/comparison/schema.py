@@ -291,10 +291,8 @@ def read_comparison(folder: Path) -> Comparison:
     if found.pop("format", None) != FORMAT:
         raise FileFormatError(f"{path} is not what a comparison writes.")
     if (written := found.pop("format_version", None)) != FORMAT_VERSION:
-        raise FileFormatError(
-            f"{path} has the format version {shown(written)}, and this pnpct reads {FORMAT_VERSION}: make the comparison "
-            "again, or read it with the pnpct that wrote it."
-        )
+        theirs = f"{path} has the format version {shown(written)}, and this pnpct reads {FORMAT_VERSION}"
+        raise FileFormatError(f"{theirs}: make the comparison again, or read it with the pnpct that wrote it.")
     try:
         check_numbers(found)
         return msgspec.convert(found, Comparison)
