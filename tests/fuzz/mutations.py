@@ -295,9 +295,7 @@ def of_words(path: Path, chance: random.Random) -> str:
     found = list(re.finditer(r"-?\d+\.?\d*", content))
     if not found:
         return of_bytes(path, chance)
-    one, value = (
-        chance.choice(found),
-        chance.choice(("0", "-1", "1e308", "1e18", "NaN", "null", '"x"', "[]", "1" * 400)),
-    )
+    one = chance.choice(found)
+    value = chance.choice(("0", "-1", "1e308", "1e18", "NaN", "null", '"x"', "[]", "1" * 400))
     path.write_text(content[: one.start()] + value + content[one.end() :])
     return f"{one.group()} becomes {value[:20]}"
