@@ -22,6 +22,7 @@ SMALL = {
     "simulate dataset patients": "--size 64 --views 48 --bins 60 --tube-voltages-kvp 120 --processes 1",
     "reconstruct": "--iterations 2",
     "compare comparison patients": f"{QUICK} --tube-currents-ma 100",
+    "compare mine": f"{QUICK} --tube-currents-ma 100",
     "compare": QUICK,
 }
 

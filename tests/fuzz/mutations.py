@@ -18,10 +18,7 @@ Mutate = Callable[[Path, random.Random], str]
 
 NUMBERS = (0, -1, 1, 2.5, 1e-300, 1e18, 1e300, 1e308, -1e18, 10**30, *map(float, ("nan", "inf", "-inf")), 100_000_000)
 OTHERS = (
-    None,
-    True,
-    False,
-    "",
+    *(None, True, False, ""),
     "x",
     "../../etc/passwd",
     "/dev/zero",

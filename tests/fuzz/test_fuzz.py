@@ -53,6 +53,7 @@ def check(made: Path, mutations: int, seed: int, *names: str) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_one_sentence(made):
     check(made, FEW, 1)
 
