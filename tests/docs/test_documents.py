@@ -20,6 +20,7 @@ QUICK = "--iterations 1 --lesion-hu 0 --phantom-repeats 0 --processes 1"
 SMALL = {
     "simulate scan": "--size 64 --views 48 --bins 60",
     "simulate dataset patients": "--size 64 --views 48 --bins 60 --tube-voltages-kvp 120 --processes 1",
+    "simulate dataset": "--size 64 --views 48 --bins 60 --processes 1",
     "reconstruct": "--iterations 2",
     "compare comparison patients": f"{QUICK} --tube-currents-ma 100",
     "compare mine": f"{QUICK} --tube-currents-ma 100",
