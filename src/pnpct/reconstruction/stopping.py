@@ -53,6 +53,26 @@ STOP_RULES: dict[RuleName, StopRule] = {
 }
 
 
+LARGEST = 100.0
+"""Root mean square of an iterate, water = 1 or the size of the start, beyond which ADMM diverges."""
+
+
+def check_bounded(start: ADMMState, after: ADMMState, number: int) -> None:
+    """Check that the iterates are finite and no larger than any body.
+
+    Raises:
+        ValueError: If ADMM diverges.
+    """
+    size = max(1.0, float(start.v.square().mean().sqrt()))
+    largest = torch.stack([iterate.square().mean().sqrt() for iterate in (after.x, after.v, after.u)]).max()
+    if not float(largest) <= LARGEST * size:  # so that NaN counts
+        raise ValueError(
+            f"ADMM needs iterates that stay bounded, but in iteration {number} they reach {float(largest):.3g} times "
+            "water: the denoiser makes the image larger, or the data and their weights do not fit the geometry; check "
+            "these, or damp ADMM."
+        )
+
+
 def until(
     states: Iterator[ADMMState], start: ADMMState, A: LinearOperator, *, iterations: int, stop: RuleName
 ) -> Iterator[ADMMState]:
@@ -66,12 +86,13 @@ def until(
         stop: Name of the rule, one of `STOP_RULES`.
 
     Raises:
-        ValueError: If `iterations` is below 1 (at the first state).
+        ValueError: If `iterations` is below 1 (at the first state), or ADMM diverges.
     """
     if iterations < 1:
         raise ValueError(f"ADMM needs at least one iteration, got {iterations}.")
     rule, before = STOP_RULES[stop], start
     for number, after in enumerate(states, start=1):
+        check_bounded(start, after, number)
         yield after
         if number == iterations or rule(before, after, A.domain_dims):
             return
