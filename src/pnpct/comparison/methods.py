@@ -176,11 +176,11 @@ class PaperMethods:
     Args:
         kernel: Of FBP that all methods are measured against.
         blur_pixels: Standard deviation of the blurred FBP, the control, pixels.
-        tv_strength: Strength of total variation, HU times pixel.
+        tv_strength: Strength of total variation, HU × pixel.
         supervised: Network that was trained on dose pairs alone, by name or file.
         two_stage: Network that was trained in two stages, by name or file.
         beta: Penalty of plug-and-play ADMM.
-        iterations: Its most iterations.
+        iterations: Its maximum number of iterations.
         denoiser: Compare plug-and-play around this denoiser too: a network that comes with pnpct, the file of one, or
             a classical denoiser.
     """
