@@ -13,11 +13,14 @@ References:
     Clinthorne et al., IEEE Trans. Med. Imaging 12 (1993) 78.
 """
 
+import math
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from pnpct.arrays import Image
+from pnpct.geometry import FanBeam
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Operator, Solve, warm_started
@@ -27,8 +30,14 @@ LEVELS = 3
 EVEN = 0.05
 """If the logarithms of the certainties spread by less, one level serves all pixels."""
 
+AROUND = ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))
+"""Where the points are whose responses make the spectrum of a limited angle, in thirds of the image from its middle."""
+
+LIMITED = math.radians(12.0)
+"""Views leave directions unmeasured if neighbouring ones, opposite views taken for the same, are farther apart."""
+
 FAINTEST = 1e-3
-"""Certainty, relative to the median, that a pixel which few rays meet is taken to have."""
+"""A pixel of less certainty, relative to the median, counts as one that no ray meets."""
 
 
 def fourier(
@@ -58,8 +67,10 @@ def fourier_preconditioner(sinogram: Sinogram, A: Projector, beta: Tensor, *, le
     diagonal = A.gram_diagonal(weights)
     seen = _seen_by_all_views(A).to(diagonal.device)
     certainty = diagonal / A.gram_diagonal(torch.ones_like(weights)).clamp(min=1e-30)
-    certainty = certainty.clamp(min=FAINTEST * float(certainty.median()))
-    knots, blends = _levels((beta / certainty).log(), seen, levels)
+    faintest = FAINTEST * float(certainty.median())
+    knots, blends = _levels((beta / certainty.clamp(min=faintest)).log(), seen, levels)
+    # Where no ray meets a pixel, H is β and K η K must not be less, or M⁻¹H has its largest eigenvalues there.
+    certainty = torch.where(certainty < faintest, beta / knots[-1].exp(), certainty)
     spectrum = _spectrum(A, weights)
     filters = [1 / (spectrum + knot.exp()) for knot in knots]
     outer = certainty.rsqrt()
@@ -84,15 +95,39 @@ def _seen_by_all_views(A: Projector) -> Tensor:
 
 
 def _spectrum(A: Projector, like: Tensor) -> Tensor:
-    """Return the spectrum Λ of AᵀA from its response to a point in the middle."""
-    rows, cols = A.grid.shape
-    point = like.new_zeros(rows, cols)
-    point[rows // 2, cols // 2] = 1.0
-    response = torch.roll(A.adjoint(A(point)), (-(rows // 2), -(cols // 2)), (0, 1))
-    spectrum = torch.fft.rfft2(response).real
+    """Return the spectrum Λ of AᵀA from its response to a point in the middle.
+
+    Of a limited angle the response is too long for the image, along the rays: cut off at the border, it has a spectrum
+    with negative values, which AᵀA has not; and the directions that are measured turn with the place in the fan. Then Λ
+    is the mean over five points, each under a window of no negative spectrum.
+    """
+    spectrum = torch.fft.rfft2(_response(A, like, (0, 0))).real
     floor = max(1e-3 * float(spectrum.abs().median()), 0.2 * float(spectrum.abs().min()))
+    if _angle_is_limited(A.geometry):
+        rows, cols = A.grid.shape
+        window = _triangle(rows, like)[:, None] * _triangle(cols, like)
+        spectrum = torch.stack([torch.fft.rfft2(_response(A, like, place) * window).real for place in AROUND]).mean(0)
     positive: Tensor = spectrum.clamp(min=floor)
     return positive
+
+
+def _angle_is_limited(geometry: FanBeam) -> bool:
+    directions = np.sort(np.mod(geometry.view_angles, math.pi))
+    return bool(np.diff(directions, append=directions[0] + math.pi).max() > LIMITED)
+
+
+def _response(A: Projector, like: Tensor, place: tuple[int, int]) -> Image:
+    """Return AᵀA of a point, turned to element 0; the place is in thirds of the image from its middle."""
+    row, col = (side // 2 + part * side // 3 for side, part in zip(A.grid.shape, place, strict=True))
+    point = like.new_zeros(A.grid.shape)
+    point[row, col] = 1.0
+    return torch.roll(A.adjoint(A(point)), (-row, -col), (0, 1))
+
+
+def _triangle(length: int, like: Tensor) -> Tensor:
+    """Return a triangle around element 0 of a circle, whose spectrum is nowhere negative."""
+    number = torch.arange(length, dtype=like.dtype, device=like.device)
+    return 1 - 2 * torch.minimum(number, length - number) / length
 
 
 def _levels(scaled: Image, seen: Tensor, levels: int) -> tuple[Tensor, list[Image]]:
