@@ -34,7 +34,7 @@ from quality_cases import CONTRAST_HU, PATIENTS, QualityCase, cases
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
-STRENGTHS_HU = (30.0, 50.0, 80.0, 120.0, 180.0, 270.0, 400.0)
+STRENGTHS_HU = (12.0, 18.0, 27.0, 40.0, 60.0, 90.0)
 
 Row = dict[str, Any]
 Rows = dict[str, Row]
@@ -69,12 +69,10 @@ class Judge:
     def loop(self, name: str, denoise: Denoise) -> Row:
         """Judge plug-and-play, and how much worse it is after all iterations than after the best number of them."""
         errors: list[tuple[float, float]] = []
-        mean = torch.zeros_like(self.truth)
 
         def watched(states: Iterator[ADMMState], _most: int) -> Iterable[ADMMState]:
-            for number, state in enumerate(states, start=1):
-                mean.lerp_(state.v, 1 / number)
-                errors.append(self.errors(mean))
+            for state in states:
+                errors.append(self.errors(state.v))
                 yield state
 
         method = PlugAndPlay(denoise)

@@ -73,7 +73,7 @@ def take_log(
             bins. 0 for none: each weight comes from its own count, and the logarithm reaches down to the
             larger of s and one quantum.
         low_counts: Noise-equivalent counts up to which the tangent replaces the logarithm, ≥ 0.
-        weight: "statistical", or "uniform" for ones.
+        weight: "statistical", or "uniform": the mean of the statistical weights in every ray.
 
     Returns:
         Line integrals, dimensionless, and weights, 1/variance for "statistical".
@@ -112,7 +112,7 @@ def take_log(
     if scan.beam_hardening is not None:
         slope = scan.beam_hardening.slope((incident / above).log())
         line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
-    values = equivalent if weight == "statistical" else torch.ones_like(counts)
+    values = equivalent if weight == "statistical" else equivalent.mean().expand_as(counts)
     return Sinogram(line_integrals, DiagonalWeights(values, scan.geometry.shape))
 
 

@@ -2,7 +2,6 @@
 
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.methods import (
-    DAMPING,
     FBP,
     METHODS,
     TVPWLS,
@@ -11,18 +10,16 @@ from pnpct.reconstruction.methods import (
     PlugAndPlay,
     Progress,
     Reconstruction,
-    ResultName,
     denoiser_settings,
     reconstruct,
 )
-from pnpct.reconstruction.normal_equations import beta_from_sigma_v, mean_diagonal, sigma_v_from_beta
+from pnpct.reconstruction.normal_equations import mean_diagonal
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
 
 __all__ = [
-    "DAMPING",
     "FBP",
     "METHODS",
     "STOP_RULES",
@@ -33,10 +30,8 @@ __all__ = [
     "PlugAndPlay",
     "Progress",
     "Reconstruction",
-    "ResultName",
     "RuleName",
     "SolverName",
-    "beta_from_sigma_v",
     "change",
     "denoiser_settings",
     "fbp",
@@ -45,7 +40,6 @@ __all__ = [
     "pnp_admm",
     "reconstruct",
     "relative_rule",
-    "sigma_v_from_beta",
     "solver_by_name",
     "starting_state",
     "until",
