@@ -16,7 +16,7 @@ from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, 
 from pnpct.files.named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names
 from pnpct.files.onnx_file import export_onnx
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
-from pnpct.files.scan_file import read_scan, read_truth, write_scan
+from pnpct.files.scan_file import read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
@@ -47,6 +47,7 @@ __all__ = [
     "read_image",
     "read_manifest",
     "read_scan",
+    "read_scan_geometry",
     "read_truth",
     "read_volume",
     "read_xcist_phantom",
@@ -60,6 +61,7 @@ __all__ = [
     "write_image",
     "write_manifest",
     "write_scan",
+    "write_scan_slabs",
     "write_sidecar",
     "write_xcist_phantom",
 ]
