@@ -16,6 +16,7 @@ COMMANDS = {
     "simulate draw": "Draw a noisy scan from a slice of a data set.",
     "import arrays": "Make a scan from NumPy files of counts or line integrals.",
     "import catsim": "Make a scan from the raw files of CatSim.",
+    "import dicom-ct-pd": "Make a scan from clinical projection data in DICOM.",
     "train": "Train a denoiser on a data set, in the two stages of the paper, or on one scan.",
     "reconstruct": "Reconstruct the image of a scan.",
     "denoise": "Denoise an image.",
@@ -25,7 +26,7 @@ COMMANDS = {
     "info": "Describe a file.",
     "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
 }
-"""The commands, each in the module of its name with _ for spaces, which is imported only when it is needed."""
+"""The commands, each in the module of its name with _ between words, which is imported only when it is needed."""
 
 _OUT_OF_MEMORY = ("out of memory", "can't allocate memory", "Storage size calculation overflowed")
 
@@ -78,8 +79,9 @@ def run(words: Sequence[str]) -> None:
         say(_overview(group))
     else:
         command, rest = _find(words)
-        module = import_module(f"pnpct.cli.{command.replace(' ', '_')}")
-        chosen = getattr(module, command.title().replace(" ", ""))
+        words_of_it = command.replace("-", " ").split()
+        module = import_module(f"pnpct.cli.{'_'.join(words_of_it)}")
+        chosen = getattr(module, "".join(map(str.title, words_of_it)))
         parse(chosen, rest, program=f"pnpct {command}").run(["pnpct", *words])
 
 
@@ -100,7 +102,7 @@ def _group(word: str) -> list[str]:
 
 
 def _overview(commands: Sequence[str] | dict[str, str]) -> str:
-    lines = [f"  {command:16} {COMMANDS[command]}" for command in commands]
+    lines = [f"  {command:18} {COMMANDS[command]}" for command in commands]
     return "\n".join(
         [
             "usage: pnpct COMMAND ...",

@@ -7,8 +7,10 @@ from typing import Any
 
 from tyro.conf import Positional
 
+from pnpct.cli.coverage import in_words
 from pnpct.cli.terminal import say, shortened
-from pnpct.files import describe_file
+from pnpct.files import SCAN, describe_file, read_scan_geometry
+from pnpct.geometry import ConeBeam
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Info:
             say(content["description"])
         _say_section("all of it", content["attributes"].pop("/", {}))
         _say_section("made by", {**content["provenance"], "command": " ".join(content["provenance"]["command"])})
+        if content["format"] == SCAN and isinstance(geometry := read_scan_geometry(self.file), ConeBeam):
+            _say_section("covers", in_words(geometry))
         for name, array in content["arrays"].items():
             shape = " x ".join(map(str, array["shape"])) or "one number"
             _say_section(

@@ -4,6 +4,15 @@ from pnpct.files.array_file import load_array
 from pnpct.files.atomic import atomic_path
 from pnpct.files.catsim_results import scan_from_catsim
 from pnpct.files.checkpoint import load_network, save_network
+from pnpct.files.ct_pd import (
+    VIEWS_OF_A_SLAB,
+    CTPDSeries,
+    patient_and_study,
+    projection_files,
+    read_slabs,
+    read_views,
+    series_of,
+)
 from pnpct.files.dicom_series import read_dicom_series
 from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
@@ -16,13 +25,17 @@ from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, 
 from pnpct.files.named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names
 from pnpct.files.onnx_file import export_onnx
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
+from pnpct.files.scan_file import FORMAT as SCAN
 from pnpct.files.scan_file import read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
     "DEFAULT_DENOISER",
     "MANIFEST",
+    "SCAN",
     "SPLITS",
+    "VIEWS_OF_A_SLAB",
+    "CTPDSeries",
     "ExposedSlice",
     "FileFormatError",
     "FractionMap",
@@ -41,6 +54,8 @@ __all__ = [
     "load_network",
     "network_file",
     "network_names",
+    "patient_and_study",
+    "projection_files",
     "read_dicom_series",
     "read_exposure",
     "read_geometry",
@@ -48,13 +63,16 @@ __all__ = [
     "read_manifest",
     "read_scan",
     "read_scan_geometry",
+    "read_slabs",
     "read_truth",
+    "read_views",
     "read_volume",
     "read_xcist_phantom",
     "record_run",
     "save_network",
     "scan_from_arrays",
     "scan_from_catsim",
+    "series_of",
     "sha256_of",
     "tube_voltages",
     "write_exposures",

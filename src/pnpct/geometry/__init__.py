@@ -1,6 +1,7 @@
 """Where the pixels, the focal spot, the detector cells and lesions are. Millimetres and radians; no torch needed."""
 
 from pnpct.geometry.cone_beam import ConeBeam
+from pnpct.geometry.coverage import Coverage
 from pnpct.geometry.detector import Detector
 from pnpct.geometry.fan_beam import FanBeam, Geometry, require_fan_beam
 from pnpct.geometry.image_grid import ImageGrid
@@ -10,6 +11,7 @@ from pnpct.geometry.volume_grid import Grid, VolumeGrid, require_image_grid
 
 __all__ = [
     "ConeBeam",
+    "Coverage",
     "Detector",
     "FanBeam",
     "Geometry",
