@@ -80,7 +80,8 @@ class ImportDicomCtPd:
         passed = [name for name in ("Manufacturer", "ManufacturerModelName", "SeriesDescription") if name in source]
         what = ["DICOM-CT-PD", *(source[name] for name in passed)]
         what += [f"{layout.tube_voltage_kvp:g} kVp"] if layout.tube_voltage_kvp else []
-        what += [f"{currents.min():g} to {currents.max():g} mA"] if currents.any() else []
+        ends = dict.fromkeys([f"{currents.min():g}", f"{currents.max():g}"])
+        what += [f"{' to '.join(ends)} mA"] if currents.any() else []
         quanta = "those of PhotonStatistics" if self.incident is None else f"{self.incident:g} at the mean tube current"
         without = f" Not corrected for: {', '.join(layout.uncorrected)}." if layout.uncorrected else ""
         return (

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pnpct.geometry.cone_beam import ConeBeam
 
-_SAME_SPOT = 1e-3
-"""mm; focal spots nearer to each other are one."""
+_SAME_SPOT = 0.05
+"""mm; focal spots nearer to each other are one: those that fly do so by a tenth of a millimetre and more."""
 
 _AT_REST = 1e-3
 """mm a turn; a slower table is at rest."""

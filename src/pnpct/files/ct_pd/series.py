@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -113,27 +114,23 @@ def _check_one_series(folder: Path, views: Sequence[View]) -> None:
 
 
 def _check_numbers(folder: Path, ordered: Sequence[View]) -> None:
-    numbers = np.array([view.number for view in ordered])
-    twice = np.flatnonzero(np.diff(numbers) == 0)
-    if twice.size:
-        first, second = ordered[twice[0]], ordered[twice[0] + 1]
+    pairs = list(pairwise(ordered))
+    twice = [(one, other) for one, other in pairs if one.number == other.number]
+    if twice:
+        one, other = twice[0]
         raise FileFormatError(
-            f"{folder}: {twice.size} views come twice, such as number {first.number} in {first.path.name} and in "
-            f"{second.path.name}; remove the copies."
+            f"{folder}: views come twice ({len(twice)} in all), such as number {one.number} in {one.path.name} and in "
+            f"{other.path.name}; remove the copies."
         )
-    gaps = np.flatnonzero(np.diff(numbers) > 1)
-    if gaps.size:
-        missing = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
-        ranges = [_range(numbers[gap] + 1, numbers[gap + 1] - 1) for gap in gaps[:_MOST_NAMED]]
-        more = " and others" if gaps.size > _MOST_NAMED else ""
+    gaps = [(one.number + 1, other.number - 1) for one, other in pairs if other.number > one.number + 1]
+    if gaps:
+        missing = sum(last - first + 1 for first, last in gaps)
+        listed = ", ".join(f"{first}" if first == last else f"{first} to {last}" for first, last in gaps[:_MOST_NAMED])
+        more = ", ..." if len(gaps) > _MOST_NAMED else ""
         raise FileFormatError(
-            f"{folder}: {missing} of the views {numbers[0]} to {numbers[-1]} are missing: {', '.join(ranges)}{more}; "
-            "copy them again."
+            f"{folder}: of the views {ordered[0].number} to {ordered[-1].number} these are missing: {listed}{more} "
+            f"({missing} in all); copy them again."
         )
-
-
-def _range(first: int, last: int) -> str:
-    return f"{first}" if first == last else f"{first} to {last}"
 
 
 def _check_layouts(ordered: Sequence[View]) -> None:
