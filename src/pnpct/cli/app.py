@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
 from pnpct.cli.parsing import UsageError, parse
 from pnpct.cli.terminal import complain, say
@@ -79,10 +80,13 @@ def run(words: Sequence[str]) -> None:
         say(_overview(group))
     else:
         command, rest = _find(words)
-        words_of_it = command.replace("-", " ").split()
-        module = import_module(f"pnpct.cli.{'_'.join(words_of_it)}")
-        chosen = getattr(module, "".join(map(str.title, words_of_it)))
-        parse(chosen, rest, program=f"pnpct {command}").run(["pnpct", *words])
+        parse(class_of(command), rest, program=f"pnpct {command}").run(["pnpct", *words])
+
+
+def class_of(command: str) -> Any:
+    """Return the dataclass of one of the `COMMANDS`, whose fields are its arguments."""
+    words = command.replace("-", " ").split()
+    return getattr(import_module(f"pnpct.cli.{'_'.join(words)}"), "".join(map(str.title, words)))
 
 
 def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
