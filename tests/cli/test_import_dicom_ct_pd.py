@@ -1,11 +1,12 @@
 """`pnpct import dicom-ct-pd`, and what `info` says of its scan."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 import torch
-from ct_pd_views import VIEWS, write_folder
+from ct_pd_views import CENTRAL_COLUMN, VIEWS, write_folder
 
 from pnpct.files import read_scan
 
@@ -104,3 +105,17 @@ def test_folders_by_another_writer_have_its_rays(run, shared_data, tmp_path, opt
         assert heights[::-1] == pytest.approx(wanted[0, :, 2], abs=1e-3)
         exact = writer["MU_WATER"] * writer["line_integrals"](spot, wanted).T[::-1]
         assert np.abs(measured[view] - exact).max() < 2e-4
+
+
+def test_both_halves_of_a_turn_tell_where_the_central_column_is(run, tmp_path):
+    def counted_by_the_manual(view, number):
+        view.Manufacturer = "GE MEDICAL SYSTEMS"
+
+    options = {"views": 70, "feed": 0.05, "change": counted_by_the_manual}
+    folder, scan = write_folder(tmp_path / "views", **options), tmp_path / "scan.h5"
+    status, out, _ = run("import", "dicom-ct-pd", folder, scan)
+    assert status == 0
+    found = re.search(r"do NOT agree; .* central column (\S+) instead of 10.625", out)
+    assert float(found[1]) == pytest.approx(CENTRAL_COLUMN, abs=0.2)
+    status, out, _ = run("import", "dicom-ct-pd", folder, scan, "--central-column", CENTRAL_COLUMN)
+    assert "their edges agree within 0.1 columns" in out

@@ -2,6 +2,7 @@
 
 from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction
 from pnpct.physics.exposure import Exposure
+from pnpct.physics.half_turn import column_shift, half_turn_views
 from pnpct.physics.scan import Moments, Scan, scan_from_moments, simulate_counts
 from pnpct.physics.sinogram import Sinogram, take_log
 from pnpct.physics.weights import BandedWeights, DiagonalWeights, Weights
@@ -15,7 +16,9 @@ __all__ = [
     "Scan",
     "Sinogram",
     "Weights",
+    "column_shift",
     "fit_water_correction",
+    "half_turn_views",
     "scan_from_moments",
     "simulate_counts",
     "take_log",

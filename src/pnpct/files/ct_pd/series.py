@@ -31,10 +31,12 @@ class CTPDSeries:
     Args:
         folder: Where the files are.
         views: The views in their order.
+        central_column: Column of the central ray, from 1, instead of that of the files; None takes theirs.
     """
 
     folder: Path
     views: Sequence[View]
+    central_column: float | None = None
 
     @property
     def layout(self) -> Layout:
@@ -47,7 +49,8 @@ class CTPDSeries:
         layout = self.layout
         step = layout.column_width / layout.distance
         width = 2 * layout.distance * math.tan(step / 2)
-        away = ((layout.columns + 1) / 2 - layout.central_column) * step
+        central = layout.central_column if self.central_column is None else self.central_column
+        away = ((layout.columns + 1) / 2 - central) * step
         turn, up, out = np.array([view.shift for view in self.views]).T
         radius = layout.radius + out
         shifts = np.stack([-radius * np.sin(turn), radius * np.cos(turn) - layout.radius, up])
