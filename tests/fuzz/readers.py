@@ -12,6 +12,7 @@ from unittest.mock import patch
 import h5py
 import mutations
 import numpy as np
+from ct_pd_views import write_folder
 from mutations import Mutate
 
 from pnpct.cli import main
@@ -104,6 +105,7 @@ READERS = {
         "import catsim {here}/raw {here}/out/s.h5 --configuration {here}/raw.cfg",
     ),
     "dicom": reader("series", "simulate scan {here}/out/s.h5 --body {here}/series " + SCAN),
+    "ct-pd": reader("views", "import dicom-ct-pd {here}/views {here}/out/s.h5"),
     "volume": reader("volume.npz", "simulate scan {here}/out/s.h5 --body {here}/volume.npz " + SCAN),
     "xcist": reader(
         "phantom.json phantom.density_0",
@@ -157,6 +159,7 @@ def make(folder: Path, comparison: Callable[[Path], object], dicom: Callable[...
         dicom(z, hu[0], PixelSpacing=[30.0, 30.0]).save_as(
             folder / "series" / f"{number}.dcm", enforce_file_format=True
         )
+    write_folder(folder / "views", views=4)
     water = FractionMap("water", (hu > 0).astype(np.float32), ImageGrid(8, 8, 30.0), slice_thickness=3.0)
     write_xcist_phantom(folder / "phantom.json", [water])
     with zipfile.ZipFile(folder / "phantom.zip", "w") as archive:

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,6 +58,11 @@ class ImportDicomCtPd:
     def run(self, command: Sequence[str]) -> None:
         """Read, and write the scan."""
         check_output(self.scan, SCANS)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="pydicom")  # of values that are against the standard
+            self._import(command)
+
+    def _import(self, command: Sequence[str]) -> None:
         files = projection_files(self.folder)
         views = [view for view in track(read_views(files), total=len(files), of="headers") if view is not None]
         series = replace(series_of(self.folder, views), central_column=self.central_column)

@@ -132,12 +132,13 @@ def _line_integrals(elements: Elements, layout: Layout) -> NDArray[np.float32]:
                 f"{path}: the {name.lower()} pixel value should be {stated[0]:.0f}, got {extreme}; copy it again."
             )
     slope, intercept = elements.number("RescaleSlope"), elements.number("RescaleIntercept")
-    values = stored.astype(np.float32) * np.float32(slope) + np.float32(intercept)
-    if not (slope > 0 and max(abs(float(values.min())), abs(float(values.max()))) < _LARGEST_LINE_INTEGRAL):
+    low, high = (float(extreme) * slope + intercept for extreme in (stored.min(), stored.max()))
+    if not (slope > 0 and max(abs(low), abs(high)) < _LARGEST_LINE_INTEGRAL):
         raise FileFormatError(
-            f"{path}: line integrals from {values.min():.4g} to {values.max():.4g} cannot be; its rescale slope is "
-            f"{slope:g}, the intercept {intercept:g}."
+            f"{path}: line integrals from {low:.4g} to {high:.4g} cannot be; its rescale slope is {slope:g}, the "
+            f"intercept {intercept:g}."
         )
+    values = stored.astype(np.float32) * np.float32(slope) + np.float32(intercept)
     rows = values.reshape(layout.columns, layout.rows).T if layout.by_columns else values.reshape(layout.rows, -1)
     return rows[::-1]
 
