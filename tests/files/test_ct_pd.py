@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import torch
 from ct_pd_views import write_folder
+from pydicom import dcmread
 
 from pnpct.files import read_slabs, read_views, series_of
 from pnpct.files.ct_pd import projection_files, read_view
+from pnpct.files.ct_pd.elements import ELEMENTS, PIXELS
 from pnpct.physics import Scan
 
 
@@ -111,12 +113,44 @@ def test_line_integrals_keep_their_sixteen_bits(tmp_path):
     assert np.abs(values[0] - wanted).max() < 7e-5
 
 
-def test_the_real_view_is_read(shared_data):
+NOT_NEEDED = {
+    0x00080018: "which file it is",
+    0x00080060: "CT",
+    0x00180090: "diameter of data collection: the fan says it",
+    0x00181150: "rotation time",
+    0x00189311: "pitch: heights and angles say it",
+    0x0020000D: "the study, for the provenance",
+    0x00200011: "number of the series",
+    0x00280002: "one sample a pixel",
+    0x00280004: "grey",
+    0x00280101: "bits stored, which are the bits allocated",
+    0x00280102: "the highest of them",
+    0x04000315: "3407.5, which no dictionary has",
+    0x7033100E: "flying mode: the shifts say it",
+    0x70331013: "steps a turn: the angles say it",
+    0x70331061: "number of sources",
+    0x70371009: "helical: the heights say it",
+    0x7037100A: "fan beam",
+}
+
+
+@pytest.fixture
+def real_view(shared_data):
     path = shared_data / "volumes" / "real" / "ctpd_siemens_view.dcm"
     if not path.is_file():
         pytest.skip("the real view is not among the reference scans")
-    view = read_view(path)
-    assert view.layout.columns, view.layout.rows == (736, 32)
+    return path
+
+
+def test_every_element_of_the_real_view_is_read_or_not_needed(real_view):
+    tags = {int(element.tag) for element in dcmread(real_view)}
+    creators = {tag for tag in tags if tag >> 16 & 1 and tag & 0xFFFF == 0x0010}
+    assert tags - creators - {tag for tag, _ in ELEMENTS.values()} - {PIXELS} == NOT_NEEDED.keys()
+
+
+def test_the_real_view_is_read(real_view):
+    path, view = real_view, read_view(real_view)
+    assert (view.layout.columns, view.layout.rows) == (736, 32)
     assert (view.number, view.tube_current_ma, view.layout.tube_voltage_kvp) == (7860, 595.0, 120.0)
     assert view.shift == pytest.approx((3.361e-4, 0.0, 3.36e-5), rel=1e-3)
     assert view.layout.mu_water == pytest.approx(0.0192)

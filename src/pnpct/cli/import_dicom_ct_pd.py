@@ -93,7 +93,7 @@ class ImportDicomCtPd:
         parts = half_turn_views(series.geometry)
         shift = column_shift(*(read_scan(self.scan, views=views) for views in parts)) if parts else None
         if shift is None:
-            return "too little is seen twice to tell whether they agree"
+            return "the data do not tell whether they agree"
         if abs(shift) < _AGREEMENT:
             return f"their edges agree within {max(abs(shift), 0.1):.1f} columns"
         used = series.layout.central_column if self.central_column is None else self.central_column

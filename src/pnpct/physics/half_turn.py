@@ -52,7 +52,7 @@ def column_shift(scan: Scan, opposite: Scan) -> float | None:
         opposite: Those half a turn later.
 
     Returns:
-        Columns towards growing fan angle, −4 to 4; None if the data do not tell.
+        Columns towards growing fan angle, within −4 to 4; None if the data do not tell.
 
     Raises:
         ValueError: If these are no scans with detector rows, without a batch.
@@ -66,8 +66,8 @@ def column_shift(scan: Scan, opposite: Scan) -> float | None:
     if not known.size or not np.nanmin(misfits) < _DISTINCT * np.nanmax(misfits):
         return None
     least = int(np.nanargmin(misfits))
-    if not 0 < least < len(_SHIFTS) - 1:
-        return float(_SHIFTS[least])
+    if not 0 < least < len(_SHIFTS) - 1 or not np.isfinite(misfits[least - 1 : least + 2]).all():
+        return None
     before, at, after = misfits[least - 1 : least + 2]
     return float(_SHIFTS[least] + 0.125 * (before - after) / (before - 2 * at + after))
 
