@@ -76,6 +76,25 @@ def test_a_mistake_gets_one_line_and_leaves_nothing_behind(run, tmp_path, remove
     assert [path.name for path in tmp_path.iterdir()] == ["views"]
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--incident", 0, "incident must be positive"),
+        ("--incident", "nan", "incident must be positive"),
+        ("--mu-water", 0, "mu_water must be a positive"),
+        ("--electronic-noise", -1, "electronic_noise must be finite and not negative"),
+        ("--central-column", "nan", "among the columns 1 to 24, got nan"),
+        ("--central-column", 1e6, "among the columns 1 to 24, got 1e+06"),
+    ],
+)
+def test_numbers_that_cannot_be_leave_nothing_behind(run, tmp_path, option, value, message):
+    folder = write_folder(tmp_path / "views", views=2)
+    status, out, err = run("import", "dicom-ct-pd", folder, tmp_path / "scan.h5", option, value)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert message in err
+    assert [path.name for path in tmp_path.iterdir()] == ["views"]
+
+
 SHARED = {
     "helix": ["--phantom", "--ffs", "FFSXYZ", "--vendor", "ge", "--direct-layout", "--scale-per-view", "--falling"],
     "early": ["--phantom", "--early", "--ffs", "FFSZ", "--shuffle-names"],

@@ -95,7 +95,7 @@ class ImportDicomCtPd:
         if shift is None:
             return "the data do not tell whether they agree"
         if abs(shift) < _AGREEMENT:
-            return f"their edges agree within {max(abs(shift), 0.1):.1f} columns"
+            return f"their edges agree within {max(1, math.ceil(10 * abs(shift))) / 10:g} columns"
         used = series.layout.central_column if self.central_column is None else self.central_column
         return (
             f"their edges do NOT agree; they would with the central column {used - shift:.2f} instead of {used:g}: "

@@ -98,12 +98,11 @@ def read_slabs(
 
 
 def _mu_water(series: CTPDSeries, given: float | None) -> float:
-    mu_water = series.layout.mu_water if given is None else given
-    if not mu_water:
+    if given is None and not series.layout.mu_water:
         raise FileFormatError(
             f"{series.folder}: the files do not state the attenuation of water; give it in 1/mm (--mu-water)."
         )
-    return mu_water
+    return series.layout.mu_water if given is None else given
 
 
 def _counts(view: View, incident: float | None) -> tuple[NDArray[np.float32], NDArray[np.float32], bytes]:

@@ -45,11 +45,19 @@ class CTPDSeries:
 
     @cached_property
     def geometry(self) -> ConeBeam:
-        """Where the rays are; the lowest row first, angles without jumps, focal spots where they were."""
+        """Where the rays are; the lowest row first, angles without jumps, focal spots where they were.
+
+        Raises:
+            ValueError: If lengths or the central column cannot be.
+        """
         layout = self.layout
         step = layout.column_width / layout.distance
         width = 2 * layout.distance * math.tan(step / 2)
         central = layout.central_column if self.central_column is None else self.central_column
+        if not 0 <= central <= layout.columns + 1:
+            raise FileFormatError(
+                f"{self.folder}: the central column must be among the columns 1 to {layout.columns}, got {central:g}."
+            )
         away = ((layout.columns + 1) / 2 - central) * step
         turn, up, out = np.array([view.shift for view in self.views]).T
         radius = layout.radius + out
