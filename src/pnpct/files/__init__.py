@@ -1,7 +1,7 @@
 """Numbers and disk: scans, images and their provenance, and what other programs have written."""
 
 from pnpct.files.array_file import load_array
-from pnpct.files.atomic import atomic_path
+from pnpct.files.atomic import atomic_folder, atomic_path
 from pnpct.files.catsim_results import scan_from_catsim
 from pnpct.files.checkpoint import load_network, save_network
 from pnpct.files.ct_pd import (
@@ -14,6 +14,8 @@ from pnpct.files.ct_pd import (
     series_of,
 )
 from pnpct.files.dicom_series import read_dicom_series
+from pnpct.files.dicom_source import SourceSeries, read_source_series
+from pnpct.files.dicom_writer import check_replaceable, write_dicom_series
 from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
 from pnpct.files.geometry_json import WrittenGeometry, read_geometry
@@ -27,6 +29,7 @@ from pnpct.files.onnx_file import export_onnx
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
 from pnpct.files.scan_file import FORMAT as SCAN
 from pnpct.files.scan_file import read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
+from pnpct.files.series_resampling import evenly_spaced
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
@@ -43,11 +46,15 @@ __all__ = [
     "ListedScan",
     "Manifest",
     "Provenance",
+    "SourceSeries",
     "Split",
     "WrittenGeometry",
+    "atomic_folder",
     "atomic_path",
+    "check_replaceable",
     "check_window",
     "describe_file",
+    "evenly_spaced",
     "export_onnx",
     "load_array",
     "load_denoiser",
@@ -64,6 +71,7 @@ __all__ = [
     "read_scan",
     "read_scan_geometry",
     "read_slabs",
+    "read_source_series",
     "read_truth",
     "read_views",
     "read_volume",
@@ -75,6 +83,7 @@ __all__ = [
     "series_of",
     "sha256_of",
     "tube_voltages",
+    "write_dicom_series",
     "write_exposures",
     "write_image",
     "write_manifest",
