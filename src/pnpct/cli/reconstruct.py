@@ -7,13 +7,13 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from pnpct.cli.artefact import IMAGES, check_output, finish
 from pnpct.cli.devices import DeviceName, choose_device, on_device
 from pnpct.cli.grids import grid_for
+from pnpct.cli.image_output import body_part_of, check_image_output, finish_image, names_folder
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import track, working
-from pnpct.files import read_scan, record_run, write_image
+from pnpct.files import read_scan, record_run
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 from pnpct.reconstruction import ADMMState
@@ -27,9 +27,11 @@ class Reconstruct(MethodOptions):
 
     Args:
         scan: The scan, .h5.
-        image: Output file: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at.
+        image: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at; a name without a
+            suffix, or with a slash at its end, is a folder for a DICOM series.
         size: Rows and columns of the image.
         field_of_view: Width of the image, mm.
+        body_part: Body part of a DICOM series, such as CHEST.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
@@ -37,16 +39,19 @@ class Reconstruct(MethodOptions):
     image: Positional[Path]
     size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
     field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan covers")] = None
+    body_part: Annotated[str | None, option(default="that of the simulated patient, else none")] = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
         """Reconstruct, and write the image."""
-        check_output(self.image, IMAGES, inputs=[self.scan])
+        check_image_output(self.image, command, inputs=[self.scan], body_part=self.body_part)
         device = choose_device(self.device)
         method = self.chosen_method(device)
         scan = on_device(read_scan(self.scan), device)
-        if scan.counts.ndim > len(scan.geometry.shape) and ".nii" in self.image.suffixes:
-            raise ValueError(f"{self.scan} holds several scans, and NIfTI one image; write .h5.")
+        if scan.counts.ndim > len(scan.geometry.shape) and (
+            ".nii" in self.image.suffixes or names_folder(self.image, command)
+        ):
+            raise ValueError(f"{self.scan} holds several scans, and NIfTI or DICOM one image; write .h5.")
         grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view)
         with working("Preparing"):
             projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
@@ -55,8 +60,8 @@ class Reconstruct(MethodOptions):
         ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
         settings = {**made.settings, **ended, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
-        write_image(self.image, made.image, grid, provenance=provenance)
-        finish(self.image, provenance, summary=f"{grid.rows} x {grid.cols} pixels of {grid.spacing:.4g} mm")
+        body_part = self.body_part or body_part_of(self.scan)
+        finish_image(self.image, made.image, grid, provenance=provenance, body_part=body_part)
 
 
 def _shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:

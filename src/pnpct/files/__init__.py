@@ -15,7 +15,7 @@ from pnpct.files.ct_pd import (
 )
 from pnpct.files.dicom_series import read_dicom_series
 from pnpct.files.dicom_source import SourceSeries, read_source_series
-from pnpct.files.dicom_writer import check_replaceable, write_dicom_series
+from pnpct.files.dicom_writer import body_part_code, check_replaceable, write_dicom_series
 from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
 from pnpct.files.geometry_json import WrittenGeometry, read_geometry
@@ -51,6 +51,7 @@ __all__ = [
     "WrittenGeometry",
     "atomic_folder",
     "atomic_path",
+    "body_part_code",
     "check_replaceable",
     "check_window",
     "describe_file",

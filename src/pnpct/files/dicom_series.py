@@ -147,7 +147,10 @@ def _chosen_series(
     counts = Counter(uids)
     listed = ", ".join(f"{uid or 'without a uid'} ({count} images)" for uid, count in counts.items())
     if series_uid is None and len(counts) > 1:
-        raise FileFormatError(f"{folder} holds {len(counts)} CT series; choose one by its series_uid: {listed}.")
+        raise FileFormatError(
+            f"{folder} holds {len(counts)} CT series; choose one with --series (series_uid in Python), or put "
+            f"it into a folder of its own: {listed}."
+        )
     chosen = uids[0] if series_uid is None else series_uid
     if chosen not in counts:
         raise FileFormatError(f"{folder} holds no CT series {chosen}; it holds {listed}.")

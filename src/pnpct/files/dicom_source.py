@@ -7,16 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Float32, Int16
 from numpy.typing import NDArray
 from pydicom import Dataset
 from pydicom.uid import CTImageStorage
 from pydicom.valuerep import PersonName
 
+from pnpct.arrays import Volume
 from pnpct.files.dicom_elements import code, dataset_of
 from pnpct.files.dicom_image import CTSlice
 from pnpct.files.dicom_series import hu_of_all, read_slices
 from pnpct.files.errors import PathLike
+from pnpct.units import from_hu
 
 _PATIENT = (
     *("PatientName", "PatientID", "IssuerOfPatientID", "PatientBirthDate", "PatientSex", "PatientComments"),
@@ -70,6 +73,11 @@ class SourceSeries:
         slices, rows, cols = self.shape
         number = f"{slices} slices" if slices > 1 else "1 slice"
         return f"{number} of {rows} x {cols} pixels of {self.slices[0].layout.spacing:.4g} mm"
+
+    @property
+    def image(self) -> Volume:
+        """The images relative to water."""
+        return from_hu(torch.from_numpy(self.image_hu.astype(np.float32)))
 
     @property
     def uid(self) -> str:

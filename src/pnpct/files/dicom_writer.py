@@ -206,16 +206,21 @@ def _in_words(provenance: Provenance) -> str:
     return "; ".join([f"pnpct {provenance.version}", *hashes, *settings])[:_SHORT_TEXT]
 
 
+def body_part_code(name: str) -> str:
+    """Return a body part as DICOM writes it, in capitals.
+
+    Raises:
+        ValueError: If it is longer than 16 characters, or there are others than letters, digits and spaces.
+    """
+    code = name.strip().upper()
+    if not re.fullmatch(r"[A-Z0-9 _]{1,16}", code):
+        raise ValueError(f"A body part is 1 to 16 letters, digits and spaces, such as CHEST, got {shown(name)}.")
+    return code
+
+
 def _stated(body_part: str | None, slice_thickness: float | None) -> dict[str, Any]:
     """The elements that the caller gives."""
-    known: dict[str, Any] = {}
-    if body_part is not None:
-        name = body_part.strip().upper()
-        if not re.fullmatch(r"[A-Z0-9 _]{1,16}", name):
-            raise ValueError(
-                f"A body part is 1 to 16 letters, digits and spaces, such as CHEST, got {shown(body_part)}."
-            )
-        known["BodyPartExamined"] = name
+    known = {} if body_part is None else {"BodyPartExamined": body_part_code(body_part)}
     if slice_thickness is not None:
         if not 0 < slice_thickness < math.inf:
             raise ValueError(f"The thickness of a slice must be a positive length in mm, got {slice_thickness:g}.")
