@@ -24,7 +24,8 @@ def frames_of(header: FileDataset) -> list[Dataset]:
             alike.add(element)
     frames = []
     for number, own in enumerate(each, start=1):
-        frame = Dataset(alike)
+        frame = Dataset()
+        frame.update(alike)
         frame.InstanceNumber = number
         for group in (*shared, own):
             for element in group:

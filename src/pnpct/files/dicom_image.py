@@ -159,7 +159,7 @@ def read_image_header(path: Path, also: Sequence[str] = ()) -> FileDataset | Non
     try:
         # The pixels are not read, but that they begin shows that the header is complete.
         header = dcmread_any(path, defer_size=_DEFERRED_BYTES, specific_tags=[*_TAGS, *also, "PixelData"])
-        storage = header.file_meta.get("MediaStorageSOPClassUID")
+        storage = header.file_meta.get("MediaStorageSOPClassUID") or header.get("SOPClassUID")
         if "PixelData" not in header:
             # Only the list of a disc's content has none of the elements.
             if storage == CTImageStorage or (not len(header) and storage != MediaStorageDirectoryStorage):

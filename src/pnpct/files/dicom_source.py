@@ -107,7 +107,7 @@ class SourceSeries:
             number = str(known.get("SeriesNumber") or "")
             known["SeriesNumber"] = 1000 + (int(number) if number.isdecimal() else 0)
             known["SourceImageSequence"] = [_reference_to(one)]
-            yield {name: value for name, value in known.items() if value is not None}
+            yield {name: value for name, value in known.items() if value not in (None, "", [])}
 
 
 def read_source_series(folder: PathLike, *, series_uid: str | None = None) -> SourceSeries:

@@ -164,8 +164,16 @@ def _images(
         more,
     ]
     series_uid = uid_of("series", json.dumps(how, sort_keys=True), pixels)
-    shared = {**_EVERY_SLICE, **_made_by(provenance, source), "SeriesInstanceUID": series_uid}
-    known = place.elements() if isinstance(place, SourceSeries) else _elements_of(place, hashes or [pixels])
+    # Whatever is made of the same input belongs together, in one study and at the same place.
+    identity = hashes or [pixels]
+    shared = {
+        **_EVERY_SLICE,
+        **_made_by(provenance, source),
+        "StudyInstanceUID": uid_of("study", *identity),
+        "SeriesInstanceUID": series_uid,
+        "FrameOfReferenceUID": uid_of("frame of reference", *identity),
+    }
+    known = place.elements() if isinstance(place, SourceSeries) else _elements_of(place, identity)
     for index, of_slice in enumerate(known):
         elements = dict.fromkeys(_EMPTY_UNLESS_KNOWN, "") | {"InstanceNumber": index + 1} | shared | of_slice | more
         elements["SOPInstanceUID"] = uid_of("image", series_uid, str(index))
@@ -229,7 +237,7 @@ def _stated(body_part: str | None, slice_thickness: float | None) -> dict[str, A
 
 
 def _elements_of(grid: Grid, identity: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Patient, study and position of each slice on a grid, where all of one identity belong together."""
+    """Patient and position of each slice on a grid."""
     plane = grid.plane if isinstance(grid, VolumeGrid) else grid
     heights, thickness = ([0.0], "")
     if isinstance(grid, VolumeGrid):
@@ -237,8 +245,6 @@ def _elements_of(grid: Grid, identity: Sequence[str]) -> Iterator[dict[str, Any]
     shared = {
         **_FICTITIOUS,
         "PatientID": f"PNPCT-{uid_of('patient', *identity)[-12:]}",
-        "StudyInstanceUID": uid_of("study", *identity),
-        "FrameOfReferenceUID": uid_of("frame of reference", *identity),
         "SeriesNumber": 1,
         "ImageOrientationPatient": [1, 0, 0, 0, 1, 0],
         "PixelSpacing": [decimal(plane.spacing)] * 2,
