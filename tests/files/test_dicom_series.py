@@ -174,7 +174,7 @@ def test_a_folder_without_ct_images_is_refused(tmp_path):
 def test_one_of_several_series_must_be_chosen(tmp_path):
     folder = save(tmp_path, dicom(0.0), dicom(3.0), dicom(7.0, SeriesInstanceUID="1.2.4"))
     with pytest.raises(
-        FileFormatError, match=r"2 CT series; choose one by its series_uid: 1\.2\.3 \(2 images\), 1\.2\.4"
+        FileFormatError, match=r"2 CT series; choose one with --series .*: 1\.2\.3 \(2 images\), 1\.2\.4"
     ):
         read_dicom_series(folder)
     assert read_dicom_series(folder, series_uid="1.2.3").z == (0.0, 3.0)

@@ -161,8 +161,8 @@ def read_image_header(path: Path, also: Sequence[str] = ()) -> FileDataset | Non
         header = dcmread_any(path, defer_size=_DEFERRED_BYTES, specific_tags=[*_TAGS, *also, "PixelData"])
         storage = header.file_meta.get("MediaStorageSOPClassUID") or header.get("SOPClassUID")
         if "PixelData" not in header:
-            # Only the list of a disc's content has none of the elements.
-            if storage == CTImageStorage or (not len(header) and storage != MediaStorageDirectoryStorage):
+            # Only the list of a disc's content has no modality.
+            if storage == CTImageStorage or ("Modality" not in header and storage != MediaStorageDirectoryStorage):
                 raise EOFError("it ends before its pixels")
             return None
         for name in (*_TAGS, *also):

@@ -108,18 +108,16 @@ def record_run(
     Raises:
         OSError: If an input cannot be read.
     """
-    fingerprints = {str(path): sha256_of(path) for path in inputs}
+    fingerprints = {str(path): sha256_of_folder(path) if Path(path).is_dir() else sha256_of(path) for path in inputs}
     return Provenance(command, version("pnpct"), seed=seed, inputs=fingerprints, settings=settings or {})
 
 
 def sha256_of(path: PathLike) -> str:
-    """Return the SHA-256 of a file's content in hexadecimal; of a folder, that of the names and contents of its files.
+    """Return the SHA-256 of a file's content in hexadecimal.
 
     Raises:
         OSError: If there is no such file, or it cannot be read.
     """
-    if Path(path).is_dir():
-        return sha256_of_files(sorted(file for file in Path(path).iterdir() if file.is_file()))
     with existing_file(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -131,6 +129,15 @@ def sha256_of_files(paths: Sequence[Path]) -> str:
         OSError: If one cannot be read.
     """
     return hashlib.sha256("".join(f"{path.name} {sha256_of(path)}\n" for path in paths).encode()).hexdigest()
+
+
+def sha256_of_folder(path: PathLike) -> str:
+    """Return the SHA-256 of the names and contents of the files in a folder, in hexadecimal.
+
+    Raises:
+        OSError: If there is no such folder, or a file cannot be read.
+    """
+    return sha256_of_files(sorted(file for file in Path(path).iterdir() if file.is_file()))
 
 
 def write_sidecar(artefact_path: PathLike, provenance: Provenance) -> Path:

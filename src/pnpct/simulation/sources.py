@@ -8,7 +8,7 @@ import numpy as np
 from pnpct.denoisers import NonlocalMeans
 from pnpct.files import read_dicom_series, read_volume, read_xcist_phantom, sha256_of
 from pnpct.files.errors import existing_file
-from pnpct.files.provenance import sha256_of_files
+from pnpct.files.provenance import sha256_of_files, sha256_of_folder
 from pnpct.geometry import ImageGrid
 from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.body import Body
@@ -101,7 +101,9 @@ def fingerprint(path: Path) -> str:
     Raises:
         OSError: If something cannot be read.
     """
-    if path.is_dir() or path.suffix.lower() != ".json":
+    if path.is_dir():
+        return sha256_of_folder(path)
+    if path.suffix.lower() != ".json":
         return sha256_of(path)
     text = existing_file(path).read_text(encoding="utf-8", errors="replace")
     named = sorted(file for file in path.parent.iterdir() if file.is_file() and f'"{file.name}"' in text)
