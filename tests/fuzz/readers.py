@@ -106,6 +106,11 @@ READERS = {
     ),
     "dicom": reader("series", "simulate scan {here}/out/s.h5 --body {here}/series " + SCAN),
     "ct-pd": reader("views", "import dicom-ct-pd {here}/views {here}/out/s.h5"),
+    "dicom-series": reader(
+        "series",
+        "denoise {here}/series {here}/out/series --denoiser gaussian",
+        "denoise {here}/series {here}/out/i.nii --denoiser gaussian",
+    ),
     "volume": reader("volume.npz", "simulate scan {here}/out/s.h5 --body {here}/volume.npz " + SCAN),
     "xcist": reader(
         "phantom.json phantom.density_0",

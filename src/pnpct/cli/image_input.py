@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pnpct.arrays import Image, Volume
-from pnpct.cli.terminal import complain
+from pnpct.cli.terminal import say
 from pnpct.files import evenly_spaced, read_dicom_series, read_image
 from pnpct.geometry import Grid
 
@@ -26,7 +26,7 @@ def image_of(path: Path, series_uid: str | None = None) -> tuple[Image | Volume,
         return read_image(path)
     series = evenly_spaced(read_dicom_series(path, series_uid=series_uid))
     for note in series.notes:
-        complain(note)
+        say(note)
     if len(series.z) == 1 and series.slice_thickness is None:
         return series.image[0], series.plane
     return series.image, series.grid

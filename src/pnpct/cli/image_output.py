@@ -90,12 +90,8 @@ def finish_image(
     """
     if isinstance(place, SourceSeries) or names_folder(path, provenance.command):
         write_dicom_series(path, image, place, provenance=provenance, body_part=body_part)
-        of = (
-            "of the patient and the study of its source"
-            if isinstance(place, SourceSeries)
-            else "of a fictitious patient"
-        )
-        finish(path, provenance, summary=f"{place}, as a DICOM series {of}")
+        of = "its source's patient and study" if isinstance(place, SourceSeries) else "a fictitious patient"
+        finish(path, provenance, summary=f"{place}, as a DICOM series of {of}")
         return
     write_image(path, image, place, provenance=provenance)
     finish(path, provenance, summary=str(place))

@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from pnpct.cli.artefact import SCANS, check_output, finish_scan
 from pnpct.cli.parsing import option
 from pnpct.cli.seeds import generators
-from pnpct.cli.terminal import complain, working
+from pnpct.cli.terminal import say, working
 from pnpct.files import record_run
 from pnpct.geometry import ImageGrid
 from pnpct.simulation import (
@@ -105,7 +105,7 @@ class SimulateScan:
             exposure = expose(phantom, geometry, beam, sampling=FINE if self.blur else None, crosstalk=self.crosstalk)
             scan = exposure.scan(tube_current_ma=self.tube_current_ma, generator=of_noise)
         for note in source.notes:
-            complain(note)
+            say(note)
         known = truth(phantom, source.grid, energy=beam.effective_energy), source.grid
         known_of_body = {"bodies": inputs} if inputs else {"body_part": (self.anatomy or USUAL_ANATOMY).upper()}
         provenance = record_run(command, seed=self.seed, settings=known_of_body)

@@ -43,7 +43,10 @@ _ACQUISITION = (
     *("RotationDirection", "ExposureTime", "XRayTubeCurrent", "Exposure", "FilterType", "ConvolutionKernel"),
     "ContrastBolusAgent",
 )
-_TAKEN_OVER = (*_PATIENT, *_STUDY, *_SERIES, *_PLANE, *_ACQUISITION)
+_IMAGE = (
+    *("BurnedInAnnotation", "LossyImageCompression", "LossyImageCompressionRatio", "LossyImageCompressionMethod"),
+)
+_TAKEN_OVER = (*_PATIENT, *_STUDY, *_SERIES, *_PLANE, *_ACQUISITION, *_IMAGE)
 _OF_SCANNER = ("Manufacturer", "ManufacturerModelName", "SoftwareVersions")
 _ACQUISITION_EQUIPMENT = ("109101", "Acquisition Equipment")
 _SOURCE_IMAGE = ("121322", "Source image for image processing operation")
