@@ -26,6 +26,8 @@ def changed(folder: Path, **changes: object) -> Path:
     for number, path in enumerate(sorted(folder.iterdir())):
         image = dcmread(path)
         image.PatientName, image.PatientID = "Doe^Jane", "4711"
+        for name in ("PatientComments", "PatientIdentityRemoved", "DeidentificationMethod"):
+            image.pop(name, None)
         for name, value in changes.items():
             setattr(image, name, value[number] if isinstance(value, tuple) else value)
         image.file_meta.ImplementationClassUID = "1.2.3"
@@ -77,7 +79,7 @@ def test_a_series_is_denoised_for_the_same_patient(run, series, tmp_path):
         assert "denoiser TotalVariation" in new.DerivationDescription
     status, out, _ = run("evaluate", tmp_path / "out", series, tmp_path / "numbers.json")
     assert status == 0
-    assert 5 < json.loads((tmp_path / "numbers.json").read_text())["rmse_hu"] < 20
+    assert 15 < json.loads((tmp_path / "numbers.json").read_text())["rmse_hu"] < 25
 
 
 def test_a_series_becomes_a_volume_where_it_is(run, series, tmp_path):
@@ -96,6 +98,20 @@ def test_a_volume_becomes_a_series(run, series, tmp_path):
         np.testing.assert_array_equal(new.pixel_array, old.pixel_array)
         assert new.ImagePositionPatient == pytest.approx(old.ImagePositionPatient)
         assert (new.PatientName, new.BodyPartExamined) == ("Fictitious^Patient", "ABDOMEN")
+
+
+def test_a_series_takes_the_patient_of_another_folder(run, series, made, tmp_path):
+    (series.parent / "notes.txt").write_text("no DICOM")
+    for command, name, *words in (("reconstruct", "scan.h5", "--method", "fbp"), ("denoise", "image.h5")):
+        words += ["--denoiser", "tv"] if command == "denoise" else []
+        status, out, err = run(command, made / name, tmp_path / "out", *words, "--patient-of", series)
+        assert (status, err) == (0, "")
+        assert f"of the patient and study of {series}.\n" in out
+        (one,) = images(tmp_path / "out")
+        assert (one.PatientName, one.PatientID, one.StudyInstanceUID) == ("Doe^Jane", "4711", "1.2.77")
+        assert "fictitious" not in str(one)
+        # The isocentre of a scan is not the origin of the scanner's own images.
+        assert one.FrameOfReferenceUID != "1.2.78"
 
 
 @pytest.fixture
@@ -161,6 +177,14 @@ MISTAKES = [
     Case("no folder", "denoise {here}/absent {here}/out", "absent"),
     Case(
         "a body part of a file", "reconstruct {made}/scan.h5 {here}/a.h5 --body-part CHEST", "--body-part a.h5 folder"
+    ),
+    Case(
+        "a patient of a file", "reconstruct {made}/scan.h5 {here}/a.h5 --patient-of {made}", "--patient-of a.h5 folder"
+    ),
+    Case("no patient", "reconstruct {made}/scan.h5 {here}/out --patient-of {made}", "no DICOM file study folder"),
+    Case("no folder of a patient", "denoise {made}/image.h5 {here}/out --patient-of {here}/no", "no is no folder"),
+    Case(
+        "two patients", "denoise {here}/mine {here}/out --patient-of {here}/mine", "--patient-of no effect", with_folder
     ),
     Case("no body part", "reconstruct {made}/scan.h5 {here}/out --body-part ?!", "body part CHEST ?!"),
     Case("a series of a file", "denoise {made}/image.h5 {here}/out --series 1.2", "--series image.h5 no folder"),

@@ -11,7 +11,7 @@ from pnpct.arrays import Image, Volume
 from pnpct.cli.denoiser_options import DenoiserOptions
 from pnpct.cli.devices import DeviceName, choose_device
 from pnpct.cli.image_input import check_series, image_of
-from pnpct.cli.image_output import check_image_output, finish_image, names_folder
+from pnpct.cli.image_output import SeriesOptions, names_folder
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import working
 from pnpct.files import SourceSeries, read_source_series, record_run
@@ -20,7 +20,7 @@ from pnpct.reconstruction import denoiser_settings
 
 
 @dataclass(frozen=True)
-class Denoise(DenoiserOptions):
+class Denoise(DenoiserOptions, SeriesOptions):
     """Denoise an image, or each slice of a volume.
 
     Args:
@@ -30,19 +30,17 @@ class Denoise(DenoiserOptions):
             a suffix, or with a slash at its end, is a folder for a DICOM series, which keeps the patient, the study
             and the positions of a series that was read.
         series: SeriesInstanceUID of the series to read, where the folder holds several.
-        body_part: Body part of a DICOM series, such as CHEST.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
     image: Positional[Path]
     denoised: Positional[Path]
     series: Annotated[str | None, option(metavar="UID")] = None
-    body_part: Annotated[str | None, option(default="that of the series that was read, else none")] = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
         """Denoise, and write the image."""
-        check_image_output(self.denoised, command, inputs=[self.image], body_part=self.body_part)
+        self.check_image(self.denoised, command, inputs=[self.image])
         device = choose_device(self.device)
         image, place = self._input(command)
         denoise = self.chosen_denoiser(device)
@@ -51,7 +49,7 @@ class Denoise(DenoiserOptions):
         where = {"series": place.uid} if isinstance(place, SourceSeries) else {"grid": asdict(place)}
         settings = {**denoiser_settings(denoise), **where, "device": device.type}
         provenance = record_run(command, inputs=[self.image], settings=settings)
-        finish_image(self.denoised, denoised, place, provenance=provenance, body_part=self.body_part)
+        self.finish_image(self.denoised, denoised, place, provenance=provenance)
 
     def _input(self, command: Sequence[str]) -> tuple[Image | Volume, Grid | SourceSeries]:
         """The image and where it is: from series to series each slice stays in its own plane."""

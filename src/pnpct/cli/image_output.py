@@ -1,16 +1,20 @@
 """The image that a command writes: a file, or a folder with a series of CT images in DICOM."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from pnpct.arrays import Image, Volume
 from pnpct.cli.artefact import IMAGES, check_output, finish
+from pnpct.cli.parsing import given_options, option
 from pnpct.files import (
     Provenance,
     SourceSeries,
     body_part_code,
     check_replaceable,
     describe_file,
+    read_patient,
     write_dicom_series,
     write_image,
 )
@@ -18,7 +22,86 @@ from pnpct.files.errors import resolved
 from pnpct.geometry import Grid
 from pnpct.simulation import ANATOMIES
 
-BODY_PARTS = tuple(name.upper() for name in ANATOMIES)
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesOptions:
+    """What only a DICOM series needs to know.
+
+    Args:
+        body_part: Body part of a DICOM series, such as CHEST.
+        patient_of: Folder of DICOM files, such as the scanner's own images, from which a DICOM series takes patient and
+            study.
+    """
+
+    body_part: Annotated[str | None, option(default="that of the input, if it is known")] = None
+    patient_of: Annotated[Path | None, option(default="a fictitious patient, where the input has none")] = None
+
+    def check_image(self, path: Path, command: Sequence[str], *, inputs: Sequence[Path]) -> None:
+        """Find out before the work, not after it, whether an image can be written.
+
+        Args:
+            path: Its path; its sidecar is <path>.json.
+            command: The command line, word by word.
+            inputs: Files and folders that it must not replace.
+
+        Raises:
+            ValueError: If the name has another ending, or is that of an input, or an option has no effect or cannot be
+                used.
+            OSError: If the file, the folder or the sidecar cannot be written.
+        """
+        given = given_options(self, ("body_part", "patient_of"))
+        if not names_folder(path, command):
+            for name in given:
+                spelled = name.replace("_", "-")
+                raise ValueError(f"--{spelled} is for DICOM series, and {path} is a file; name a folder instead.")
+            check_output(path, IMAGES, inputs=inputs)
+            return
+        for source in (*inputs, *([self.patient_of] if self.patient_of else [])):
+            if source.exists() and resolved(path) == resolved(source):
+                raise ValueError(f"{path} is an input and would be replaced; choose another name for the output.")
+        check_output(path.with_name(path.name + ".json"), (".json",), inputs=inputs)
+        check_replaceable(path)
+        if self.body_part:
+            body_part_code(self.body_part)
+        if self.patient_of and any(map(Path.is_dir, inputs)):
+            raise ValueError("--patient-of has no effect on a DICOM series, which has a patient; leave it out.")
+        if self.patient_of:
+            read_patient(self.patient_of)
+
+    def finish_image(
+        self,
+        path: Path,
+        image: Image | Volume,
+        place: Grid | SourceSeries,
+        *,
+        provenance: Provenance,
+        body_part: str | None = None,
+    ) -> None:
+        """Write an image and its sidecar, and print where it is.
+
+        Args:
+            path: File, or folder for a DICOM series.
+            image: The image or volume.
+            place: Where its pixels are, or for a DICOM series the one that it was made of.
+            provenance: How it was made; its command line says whether the path is a folder.
+            body_part: Body part for a DICOM series, where none is given.
+
+        Raises:
+            OSError: If a file cannot be written.
+            ValueError: If the format cannot hold the image.
+        """
+        if not names_folder(path, provenance.command):
+            if isinstance(place, SourceSeries):
+                raise ValueError(f"{path} is a file, and the slices of a series may lie anywhere; name a folder.")
+            write_image(path, image, place, provenance=provenance)
+            finish(path, provenance, summary=str(place))
+            return
+        patient = read_patient(self.patient_of) if self.patient_of else None
+        body_part = self.body_part or body_part
+        write_dicom_series(path, image, place, provenance=provenance, body_part=body_part, patient=patient)
+        known = f"the patient and study of {self.patient_of}" if patient else "a fictitious patient"
+        of = "its source's patient and study" if isinstance(place, SourceSeries) else known
+        finish(path, provenance, summary=f"{place}, as a DICOM series of {of}")
 
 
 def names_folder(path: Path, command: Sequence[str]) -> bool:
@@ -35,63 +118,4 @@ def body_part_of(scan: Path) -> str | None:
         ValueError: If it is not one of pnpct's files.
     """
     known = describe_file(scan)["provenance"]["settings"].get("body_part")
-    return known if isinstance(known, str) and known in BODY_PARTS else None
-
-
-def check_image_output(
-    path: Path, command: Sequence[str], *, inputs: Sequence[Path], body_part: str | None = None
-) -> None:
-    """Find out before the work, not after it, whether an image can be written.
-
-    Args:
-        path: Its path; its sidecar is <path>.json.
-        command: The command line, word by word.
-        inputs: Files and folders that it must not replace.
-        body_part: Body part for a DICOM series, if it was given.
-
-    Raises:
-        ValueError: If the name has another ending, or is that of an input, or a body part is given for a file.
-        OSError: If the file, the folder or the sidecar cannot be written.
-    """
-    if not names_folder(path, command):
-        if body_part is not None:
-            raise ValueError(f"--body-part is for DICOM series, and {path} is a file; leave it out, or name a folder.")
-        check_output(path, IMAGES, inputs=inputs)
-        return
-    for source in inputs:
-        if source.exists() and resolved(path) == resolved(source):
-            raise ValueError(f"{path} is an input and would be replaced; choose another name for the output.")
-    check_output(path.with_name(path.name + ".json"), (".json",), inputs=inputs)
-    check_replaceable(path)
-    if body_part is not None:
-        body_part_code(body_part)
-
-
-def finish_image(
-    path: Path,
-    image: Image | Volume,
-    place: Grid | SourceSeries,
-    *,
-    provenance: Provenance,
-    body_part: str | None = None,
-) -> None:
-    """Write an image and its sidecar, and print where it is.
-
-    Args:
-        path: File, or folder for a DICOM series.
-        image: The image or volume.
-        place: Where its pixels are, or for a DICOM series the one that it was made of.
-        provenance: How it was made; its command line says whether the path is a folder.
-        body_part: Body part for a DICOM series.
-
-    Raises:
-        OSError: If a file cannot be written.
-        ValueError: If the format cannot hold the image.
-    """
-    if isinstance(place, SourceSeries) or names_folder(path, provenance.command):
-        write_dicom_series(path, image, place, provenance=provenance, body_part=body_part)
-        of = "its source's patient and study" if isinstance(place, SourceSeries) else "a fictitious patient"
-        finish(path, provenance, summary=f"{place}, as a DICOM series of {of}")
-        return
-    write_image(path, image, place, provenance=provenance)
-    finish(path, provenance, summary=str(place))
+    return known if isinstance(known, str) and known.lower() in ANATOMIES else None

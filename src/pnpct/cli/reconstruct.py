@@ -9,7 +9,7 @@ from tyro.conf import Positional
 
 from pnpct.cli.devices import DeviceName, choose_device, on_device
 from pnpct.cli.grids import grid_for
-from pnpct.cli.image_output import body_part_of, check_image_output, finish_image, names_folder
+from pnpct.cli.image_output import SeriesOptions, body_part_of, names_folder
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import track, working
@@ -22,7 +22,7 @@ _OF_TRUTH = "that of the truth in the scan; without one,"
 
 
 @dataclass(frozen=True)
-class Reconstruct(MethodOptions):
+class Reconstruct(MethodOptions, SeriesOptions):
     """Reconstruct the image of a scan.
 
     Args:
@@ -31,7 +31,6 @@ class Reconstruct(MethodOptions):
             suffix, or with a slash at its end, is a folder for a DICOM series.
         size: Rows and columns of the image.
         field_of_view: Width of the image, mm.
-        body_part: Body part of a DICOM series, such as CHEST.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
@@ -39,12 +38,11 @@ class Reconstruct(MethodOptions):
     image: Positional[Path]
     size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
     field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan covers")] = None
-    body_part: Annotated[str | None, option(default="that of the simulated patient, else none")] = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
         """Reconstruct, and write the image."""
-        check_image_output(self.image, command, inputs=[self.scan], body_part=self.body_part)
+        self.check_image(self.image, command, inputs=[self.scan])
         device = choose_device(self.device)
         method = self.chosen_method(device)
         scan = on_device(read_scan(self.scan), device)
@@ -60,8 +58,7 @@ class Reconstruct(MethodOptions):
         ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
         settings = {**made.settings, **ended, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
-        body_part = self.body_part or body_part_of(self.scan)
-        finish_image(self.image, made.image, grid, provenance=provenance, body_part=body_part)
+        self.finish_image(self.image, made.image, grid, provenance=provenance, body_part=body_part_of(self.scan))
 
 
 def _shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:

@@ -14,7 +14,7 @@ from pnpct.files.ct_pd import (
     series_of,
 )
 from pnpct.files.dicom_series import read_dicom_series
-from pnpct.files.dicom_source import SourceSeries, read_source_series
+from pnpct.files.dicom_source import SourceSeries, read_patient, read_source_series
 from pnpct.files.dicom_writer import body_part_code, check_replaceable, write_dicom_series
 from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
@@ -69,6 +69,7 @@ __all__ = [
     "read_geometry",
     "read_image",
     "read_manifest",
+    "read_patient",
     "read_scan",
     "read_scan_geometry",
     "read_slabs",

@@ -16,7 +16,7 @@ from pydicom.uid import UID, CTImageStorage, MediaStorageDirectoryStorage
 from pnpct.files.dicom_frames import FUNCTIONAL_GROUPS, frames_of
 from pnpct.files.dicom_open import dcmread_any, stored_pixels
 from pnpct.files.errors import FileFormatError
-from pnpct.files.image_series import AIR_HU, LOWEST_HU, tidy_hu
+from pnpct.files.image_series import AIR_HU, tidy_hu
 from pnpct.geometry import ImageGrid
 
 _GEOMETRY = ("Rows", "Columns", "PixelSpacing", "ImageOrientationPatient", "ImagePositionPatient", "SliceThickness")
@@ -29,11 +29,8 @@ _TAGS = (*_GEOMETRY, *_RESCALE, *_PADDING, *_KIND, *_DESCRIPTION, *FUNCTIONAL_GR
 _DEFERRED_BYTES = 1024
 _STEEPEST = 0.75
 """Sine of the largest tilt of a gantry, and more: 49 degrees."""
-_DENSEST_HU = 31_000
-"""Where the extended scales of scanners end."""
 _NAMES_OF_DICOM = {".dcm", ".dicom", ".ima"}
-# What pydicom raises for files that are cut or damaged.
-_DAMAGE = (
+DAMAGE = (
     AttributeError,
     BytesLengthException,
     EOFError,
@@ -46,6 +43,7 @@ _DAMAGE = (
     ValueError,
     struct.error,
 )
+"""What pydicom raises for files that are cut or damaged."""
 
 
 @dataclass(frozen=True)
@@ -171,8 +169,8 @@ def read_image_header(path: Path, also: Sequence[str] = ()) -> FileDataset | Non
         if path.suffix.lower() in _NAMES_OF_DICOM:
             raise FileFormatError(f"{path} is not a complete DICOM file, though its name says so.") from error
         return None
-    except _DAMAGE as error:
-        raise _broken(path, error) from error
+    except DAMAGE as error:
+        raise broken(path, error) from error
     return header
 
 
@@ -197,8 +195,8 @@ def slices_of(path: Path, header: FileDataset) -> list[CTSlice]:
     """
     try:
         frames = frames_of(header)
-    except _DAMAGE as error:
-        raise _broken(path, error) from error
+    except DAMAGE as error:
+        raise broken(path, error) from error
     if not frames:
         return [_slice_of(path, header, None)]
     return [_slice_of(path, frame, number) for number, frame in enumerate(frames)]
@@ -251,14 +249,14 @@ def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
     """
     try:
         stored = stored_pixels(one.path, one.frame)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         syntax = UID(one.header.file_meta.get("TransferSyntaxUID", ""))
         if isinstance(error, NotImplementedError | RuntimeError) and syntax.is_transfer_syntax and syntax.is_compressed:
             raise FileFormatError(
                 f"{one.path}: the image is compressed ({syntax.name}) and cannot be decoded here; decompress the "
                 "series first."
             ) from error
-        raise _broken(one.path, error) from error
+        raise broken(one.path, error) from error
     if stored.shape != (one.layout.rows, one.layout.cols):
         raise FileFormatError(f"{one.path}: a grey image was needed, got values of the shape {stored.shape}.")
     hu = stored * one.slope + one.intercept
@@ -268,9 +266,6 @@ def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
         # As the pixels are stored: some scanners write the padding of signed pixels without its sign.
         low, high = sorted(np.array(ends).astype(np.int64).astype(stored.dtype).tolist())
         hu[(stored >= low) & (stored <= high)] = AIR_HU
-    elif stored.dtype == np.uint16:
-        # The negative padding of signed pixels, in a file that says they are unsigned: no metal is so dense.
-        hu[(stored.view(np.int16) < LOWEST_HU) & (hu > _DENSEST_HU)] = AIR_HU
     if one.whole_numbers:
         hu = np.clip(hu, np.iinfo(np.int16).min, np.iinfo(np.int16).max).astype(np.int16)
     return tidy_hu(one.layout.upright(hu))
@@ -287,7 +282,8 @@ def _numbers(path: Path, header: Dataset, name: str, count: int) -> list[float]:
     return numbers
 
 
-def _broken(path: Path, error: Exception) -> Exception:
+def broken(path: Path, error: Exception) -> Exception:
+    """Return what is to be raised where pydicom has raised one of `DAMAGE`."""
     if isinstance(error, OSError) and error.errno is not None:
         return error  # nothing is known about the content
     reason = " ".join(str(error).split()).rstrip(".")

@@ -1,7 +1,7 @@
 """A CT series as it is in its files, from which another one is made: its pixels, and what is taken over."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,16 @@ import torch
 from jaxtyping import Float32, Int16
 from numpy.typing import NDArray
 from pydicom import Dataset
+from pydicom.errors import InvalidDicomError
 from pydicom.uid import CTImageStorage
 from pydicom.valuerep import PersonName
 
 from pnpct.arrays import Volume
 from pnpct.files.dicom_elements import code, dataset_of
-from pnpct.files.dicom_image import CTSlice
+from pnpct.files.dicom_image import DAMAGE, CTSlice, broken
+from pnpct.files.dicom_open import dcmread_any
 from pnpct.files.dicom_series import hu_of_all, read_slices
-from pnpct.files.errors import PathLike
+from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.units import from_hu
 
 _PATIENT = (
@@ -29,6 +31,7 @@ _STUDY = (
     *("StudyInstanceUID", "StudyDate", "StudyTime", "StudyID", "AccessionNumber", "ReferringPhysicianName"),
     *("StudyDescription", "PatientAge", "PatientSize", "PatientWeight"),
 )
+_PATIENT_AND_STUDY = (*_PATIENT, *_STUDY)
 _SERIES = (
     *("FrameOfReferenceUID", "PositionReferenceIndicator", "PatientPosition", "SeriesNumber", "ProtocolName"),
     *("BodyPartExamined", "Laterality"),
@@ -46,7 +49,7 @@ _ACQUISITION = (
 _IMAGE = (
     *("BurnedInAnnotation", "LossyImageCompression", "LossyImageCompressionRatio", "LossyImageCompressionMethod"),
 )
-_TAKEN_OVER = (*_PATIENT, *_STUDY, *_SERIES, *_PLANE, *_ACQUISITION, *_IMAGE)
+_TAKEN_OVER = (*_PATIENT_AND_STUDY, *_SERIES, *_PLANE, *_ACQUISITION, *_IMAGE)
 _OF_SCANNER = ("Manufacturer", "ManufacturerModelName", "SoftwareVersions")
 _ACQUISITION_EQUIPMENT = ("109101", "Acquisition Equipment")
 _SOURCE_IMAGE = ("121322", "Source image for image processing operation")
@@ -104,13 +107,13 @@ class SourceSeries:
         numbers = {str(one.header.get("InstanceNumber")) for one in self.slices}
         for one in self.slices:
             header = one.header
-            known = {name: _plain(header[name].value) for name in _TAKEN_OVER if name in header}
+            known = _known(header, _TAKEN_OVER)
             if len(numbers) < len(self.slices):
                 known.pop("InstanceNumber", None)
             number = str(known.get("SeriesNumber") or "")
             known["SeriesNumber"] = 1000 + (int(number) if number.isdecimal() else 0)
             known["SourceImageSequence"] = [_reference_to(one)]
-            yield {name: value for name, value in known.items() if value not in (None, "", [])}
+            yield known
 
 
 def read_source_series(folder: PathLike, *, series_uid: str | None = None) -> SourceSeries:
@@ -132,6 +135,42 @@ def read_source_series(folder: PathLike, *, series_uid: str | None = None) -> So
         warnings.simplefilter("ignore")  # pydicom's, of values that are against the standard and do no harm
         slices = read_slices(Path(folder), series_uid, also=(*_TAKEN_OVER, *_OF_SCANNER, "SOPInstanceUID"))
         return SourceSeries(hu_of_all(slices), tuple(slices))
+
+
+def read_patient(folder: PathLike) -> dict[str, Any]:
+    """Read whom a folder of DICOM files is of: images or anything else, such as a scanner's projections.
+
+    Args:
+        folder: The folder; its first DICOM file counts.
+
+    Returns:
+        The elements of patient and study, by keyword.
+
+    Raises:
+        OSError: If there is no such folder or a file cannot be read.
+        FileFormatError: If there is no DICOM file, or it does not say of which study it is.
+    """
+    if not Path(folder).is_dir():
+        raise NotADirectoryError(f"{folder} is no folder; give one with DICOM files of the patient.")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for path in sorted(path for path in Path(folder).iterdir() if path.is_file()):
+            try:
+                header = dcmread_any(path, stop_before_pixels=True, specific_tags=[*_PATIENT_AND_STUDY])
+                known = _known(header, _PATIENT_AND_STUDY)
+            except InvalidDicomError:
+                continue
+            except DAMAGE as error:
+                raise broken(path, error) from error
+            if "StudyInstanceUID" in known:
+                return known
+    raise FileFormatError(f"{folder} holds no DICOM file that says of which study it is; give another folder.")
+
+
+def _known(header: Dataset, names: Sequence[str]) -> dict[str, Any]:
+    """Those of the elements that have a value."""
+    known = {name: _plain(header[name].value) for name in names if name in header}
+    return {name: value for name, value in known.items() if value not in (None, "", [])}
 
 
 def _reference_to(one: CTSlice) -> Dataset:

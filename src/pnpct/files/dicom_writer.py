@@ -78,6 +78,7 @@ def write_dicom_series(
     provenance: Provenance | None = None,
     body_part: str | None = None,
     slice_thickness: float | None = None,
+    patient: Mapping[str, Any] | None = None,
 ) -> None:
     """Write an image or a volume as a CT series, one file per slice, from the feet to the head.
 
@@ -94,11 +95,12 @@ def write_dicom_series(
         provenance: How it was made; if None, by the program that is running.
         body_part: Body part examined, such as "CHEST", if the source does not say it: letters, digits, spaces.
         slice_thickness: Thickness of a slice, mm, if it is not the distance between slices.
+        patient: Elements of patient and study, from `read_patient`, instead of the fictitious ones of a grid.
 
     Raises:
         OSError: If the folder cannot be written, or something else is in it.
-        ValueError: If the image does not fit its place or is not finite, there is a batch, or the body part has other
-            characters.
+        ValueError: If the image does not fit its place or is not finite, there is a batch, the body part has other
+            characters, or a patient is given where the source has one.
 
     References:
         DICOM PS3.3, A.3 (CT image); PS3.5, B.2 (UIDs derived from a UUID).
@@ -108,8 +110,10 @@ def write_dicom_series(
         raise ValueError(f"A DICOM series holds one image or volume, here {place.shape}, got {tuple(image.shape)}.")
     if not image.isfinite().all():
         raise ValueError(f"{folder} was not written: the image holds values that are not finite.")
+    if patient and isinstance(place, SourceSeries):
+        raise ValueError("A series that is made of another one is of that one's patient; leave out the patient.")
     stated = _stated(body_part, slice_thickness)
-    images = _images(_whole_hu(image), place, provenance or record_run(sys.argv), stated)
+    images = _images(_whole_hu(image), place, provenance or record_run(sys.argv), stated, patient or {})
     with warnings.catch_warnings(), atomic_folder(folder) as temporary:
         warnings.simplefilter("ignore")  # pydicom's, of values in the source that are against the standard
         for number, one in enumerate(images, start=1):
@@ -149,7 +153,11 @@ def _whole_hu(image: Image | Volume) -> NDArray[np.int16]:
 
 
 def _images(
-    hu: NDArray[np.int16], place: Grid | SourceSeries, provenance: Provenance, more: dict[str, Any]
+    hu: NDArray[np.int16],
+    place: Grid | SourceSeries,
+    provenance: Provenance,
+    more: dict[str, Any],
+    patient: Mapping[str, Any],
 ) -> Iterator[Dataset]:
     """The images, one after the other."""
     source = place if isinstance(place, SourceSeries) else None
@@ -162,6 +170,7 @@ def _images(
         hashes,
         where,
         more,
+        {name: str(value) for name, value in patient.items()},
     ]
     series_uid = uid_of("series", json.dumps(how, sort_keys=True), pixels)
     # Whatever is made of the same input belongs together, in one study and at the same place.
@@ -173,7 +182,7 @@ def _images(
         "SeriesInstanceUID": series_uid,
         "FrameOfReferenceUID": uid_of("frame of reference", *identity),
     }
-    known = place.elements() if isinstance(place, SourceSeries) else _elements_of(place, identity)
+    known = place.elements() if isinstance(place, SourceSeries) else _elements_of(place, identity, patient)
     for index, of_slice in enumerate(known):
         elements = dict.fromkeys(_EMPTY_UNLESS_KNOWN, "") | {"InstanceNumber": index + 1} | shared | of_slice | more
         elements["SOPInstanceUID"] = uid_of("image", series_uid, str(index))
@@ -236,15 +245,14 @@ def _stated(body_part: str | None, slice_thickness: float | None) -> dict[str, A
     return known
 
 
-def _elements_of(grid: Grid, identity: Sequence[str]) -> Iterator[dict[str, Any]]:
+def _elements_of(grid: Grid, identity: Sequence[str], patient: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Patient and position of each slice on a grid."""
     plane = grid.plane if isinstance(grid, VolumeGrid) else grid
     heights, thickness = ([0.0], "")
     if isinstance(grid, VolumeGrid):
         heights, thickness = grid.heights.tolist(), decimal(grid.slice_spacing)
     shared = {
-        **_FICTITIOUS,
-        "PatientID": f"PNPCT-{uid_of('patient', *identity)[-12:]}",
+        **(patient or {**_FICTITIOUS, "PatientID": f"PNPCT-{uid_of('patient', *identity)[-12:]}"}),
         "SeriesNumber": 1,
         "ImageOrientationPatient": [1, 0, 0, 0, 1, 0],
         "PixelSpacing": [decimal(plane.spacing)] * 2,
