@@ -11,7 +11,7 @@ from mistakes import Case, check
 from pydicom import Dataset, dcmread
 
 from pnpct.denoisers import make_denoiser
-from pnpct.files import Provenance, read_image, read_source_series, write_dicom_series
+from pnpct.files import Provenance, read_image, read_scan, read_source_series, write_dicom_series, write_scan
 from pnpct.geometry import ImageGrid, VolumeGrid
 
 STACK = VolumeGrid(ImageGrid(24, 20, spacing=2.0, center=(3.0, -1.0)), slices=3, slice_spacing=2.5, z=80.0)
@@ -112,6 +112,23 @@ def test_a_series_takes_the_patient_of_another_folder(run, series, made, tmp_pat
         assert "fictitious" not in str(one)
         # The isocentre of a scan is not the origin of the scanner's own images.
         assert one.FrameOfReferenceUID != "1.2.78"
+
+
+def test_a_scan_that_knows_its_patient_gives_a_series_of_that_patient(run, made, tmp_path):
+    dicom = {"PatientName": "Müller^Änne", "PatientID": "7", "StudyInstanceUID": "1.2.9", "PatientPosition": "FFS"}
+    dicom |= {"KVP": "no number", "FrameOfReferenceUID": "1.2.10", "BodyPartExamined": "CHEST", "PixelSpacing": "3"}
+    scan = read_scan(made / "scan.h5")
+    provenance = Provenance(["pnpct"], "0.1.0", settings={"dicom": {**dicom, "StudyID": 3}})
+    write_scan(tmp_path / "scan.h5", scan, provenance=provenance)
+    status, out, err = run("reconstruct", tmp_path / "scan.h5", tmp_path / "out", "--method", "fbp", "--size", "16")
+    assert (status, err) == (0, "")
+    assert "as a DICOM series of its source's patient and study.\nThe patient lay FFS, not HFS: left and right" in out
+    (one,) = images(tmp_path / "out")
+    for name in ("PatientName", "PatientID", "StudyInstanceUID", "PatientPosition", "BodyPartExamined"):
+        assert one[name].value == dicom[name]
+    assert one.FrameOfReferenceUID != "1.2.10"
+    assert (one.KVP, one.StudyID) == (None, "")
+    assert "fictitious" not in str(one)
 
 
 @pytest.fixture

@@ -1,13 +1,14 @@
 """The image that a command writes: a file, or a folder with a series of CT images in DICOM."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pnpct.arrays import Image, Volume
 from pnpct.cli.artefact import IMAGES, check_output, finish
 from pnpct.cli.parsing import given_options, option
+from pnpct.cli.terminal import say
 from pnpct.files import (
     Provenance,
     SourceSeries,
@@ -15,12 +16,12 @@ from pnpct.files import (
     check_replaceable,
     describe_file,
     read_patient,
+    taken_from_scan,
     write_dicom_series,
     write_image,
 )
 from pnpct.files.errors import resolved
 from pnpct.geometry import Grid
-from pnpct.simulation import ANATOMIES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +76,7 @@ class SeriesOptions:
         place: Grid | SourceSeries,
         *,
         provenance: Provenance,
-        body_part: str | None = None,
+        source: Mapping[str, str] | None = None,
     ) -> None:
         """Write an image and its sidecar, and print where it is.
 
@@ -84,7 +85,7 @@ class SeriesOptions:
             image: The image or volume.
             place: Where its pixels are, or for a DICOM series the one that it was made of.
             provenance: How it was made; its command line says whether the path is a folder.
-            body_part: Body part for a DICOM series, where none is given.
+            source: What the scan knows of its patient, from `source_of`.
 
         Raises:
             OSError: If a file cannot be written.
@@ -96,12 +97,15 @@ class SeriesOptions:
             write_image(path, image, place, provenance=provenance)
             finish(path, provenance, summary=str(place))
             return
-        patient = read_patient(self.patient_of) if self.patient_of else None
-        body_part = self.body_part or body_part
+        patient: Mapping[str, Any] = source if source and "StudyInstanceUID" in source else {}
+        of = "its source's patient and study" if patient or isinstance(place, SourceSeries) else "a fictitious patient"
+        if self.patient_of:
+            patient, of = read_patient(self.patient_of), f"the patient and study of {self.patient_of}"
+        body_part = self.body_part or (source or {}).get("BodyPartExamined")
         write_dicom_series(path, image, place, provenance=provenance, body_part=body_part, patient=patient)
-        known = f"the patient and study of {self.patient_of}" if patient else "a fictitious patient"
-        of = "its source's patient and study" if isinstance(place, SourceSeries) else known
         finish(path, provenance, summary=f"{place}, as a DICOM series of {of}")
+        if (lay := patient.get("PatientPosition", "HFS")) != "HFS":
+            say(f"The patient lay {lay}, not HFS: left and right are uncertain; compare with the scanner's images.")
 
 
 def names_folder(path: Path, command: Sequence[str]) -> bool:
@@ -110,12 +114,14 @@ def names_folder(path: Path, command: Sequence[str]) -> bool:
     return slash or not path.suffix or (path.is_dir() and not path.name.lower().endswith(IMAGES))
 
 
-def body_part_of(scan: Path) -> str | None:
-    """Return the body part of the simulated patient in a scan, None if it is not known.
+def source_of(scan: Path) -> dict[str, str]:
+    """Return what a scan knows of its patient, study and acquisition, by DICOM keyword.
 
     Raises:
         OSError: If the scan cannot be read.
         ValueError: If it is not one of pnpct's files.
     """
-    known = describe_file(scan)["provenance"]["settings"].get("body_part")
-    return known if isinstance(known, str) and known.lower() in ANATOMIES else None
+    settings = describe_file(scan)["provenance"]["settings"]
+    imported = settings.get("dicom")
+    known = {"BodyPartExamined": settings.get("body_part"), **(imported if isinstance(imported, dict) else {})}
+    return taken_from_scan({name: value for name, value in known.items() if value and isinstance(value, str)})

@@ -9,7 +9,7 @@ from tyro.conf import Positional
 
 from pnpct.cli.devices import DeviceName, choose_device, on_device
 from pnpct.cli.grids import grid_for
-from pnpct.cli.image_output import SeriesOptions, body_part_of, names_folder
+from pnpct.cli.image_output import SeriesOptions, names_folder, source_of
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import track, working
@@ -58,7 +58,7 @@ class Reconstruct(MethodOptions, SeriesOptions):
         ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
         settings = {**made.settings, **ended, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
-        self.finish_image(self.image, made.image, grid, provenance=provenance, body_part=body_part_of(self.scan))
+        self.finish_image(self.image, made.image, grid, provenance=provenance, source=source_of(self.scan))
 
 
 def _shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:

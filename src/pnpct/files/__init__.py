@@ -13,9 +13,10 @@ from pnpct.files.ct_pd import (
     read_views,
     series_of,
 )
+from pnpct.files.dicom_elements import body_part_code
 from pnpct.files.dicom_series import read_dicom_series
-from pnpct.files.dicom_source import SourceSeries, read_patient, read_source_series
-from pnpct.files.dicom_writer import body_part_code, check_replaceable, write_dicom_series
+from pnpct.files.dicom_source import SourceSeries, read_patient, read_source_series, taken_from_scan
+from pnpct.files.dicom_writer import check_replaceable, write_dicom_series
 from pnpct.files.errors import FileFormatError
 from pnpct.files.exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
 from pnpct.files.geometry_json import WrittenGeometry, read_geometry
@@ -84,6 +85,7 @@ __all__ = [
     "scan_from_catsim",
     "series_of",
     "sha256_of",
+    "taken_from_scan",
     "tube_voltages",
     "write_dicom_series",
     "write_exposures",

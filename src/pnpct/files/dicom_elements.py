@@ -1,5 +1,6 @@
 """What DICOM files are made of: elements by name, codes, decimal numbers and UIDs."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 from uuid import NAMESPACE_DNS, uuid5
@@ -7,6 +8,8 @@ from uuid import NAMESPACE_DNS, uuid5
 from pydicom import Dataset
 from pydicom.uid import UID
 from pydicom.valuerep import format_number_as_ds
+
+from pnpct.files.errors import shown
 
 _NAMESPACE = uuid5(NAMESPACE_DNS, "pnpct")
 
@@ -48,3 +51,15 @@ def uid_of(*words: str) -> UID:
         DICOM PS3.5, B.2.
     """
     return UID(f"2.25.{uuid5(_NAMESPACE, chr(10).join(words)).int}")
+
+
+def body_part_code(name: str) -> str:
+    """Return a body part as DICOM writes it, in capitals.
+
+    Raises:
+        ValueError: If it is longer than 16 characters, or there are others than letters, digits and spaces.
+    """
+    code = name.strip().upper()
+    if not re.fullmatch(r"[A-Z0-9 _]{1,16}", code):
+        raise ValueError(f"A body part is 1 to 16 letters, digits and spaces, such as CHEST, got {shown(name)}.")
+    return code

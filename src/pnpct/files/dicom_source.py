@@ -1,7 +1,8 @@
 """A CT series as it is in its files, from which another one is made: its pixels, and what is taken over."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from pydicom.uid import CTImageStorage
 from pydicom.valuerep import PersonName
 
 from pnpct.arrays import Volume
-from pnpct.files.dicom_elements import code, dataset_of
+from pnpct.files.dicom_elements import body_part_code, code, dataset_of
 from pnpct.files.dicom_image import DAMAGE, CTSlice, broken
 from pnpct.files.dicom_open import dcmread_any
 from pnpct.files.dicom_series import hu_of_all, read_slices
@@ -165,6 +166,27 @@ def read_patient(folder: PathLike) -> dict[str, Any]:
             if "StudyInstanceUID" in known:
                 return known
     raise FileFormatError(f"{folder} holds no DICOM file that says of which study it is; give another folder.")
+
+
+def taken_from_scan(known: Mapping[str, str]) -> dict[str, str]:
+    """Return those elements of a scan that an image of it takes over, and that are as DICOM wants them.
+
+    Where a scan lies in the scanner's own frame of reference is not known, so that this one is not among them.
+
+    Args:
+        known: Values by keyword, as they were when the scan was imported.
+    """
+    taken = {}
+    for name in (*_PATIENT_AND_STUDY, "KVP", "PatientPosition", "ProtocolName", "BodyPartExamined"):
+        with (
+            warnings.catch_warnings(),
+            suppress(TypeError, ValueError),
+        ):  # a text where a number should be, and the like
+            warnings.simplefilter("ignore")
+            if name in known and (name != "BodyPartExamined" or body_part_code(known[name])):
+                dataset_of({name: known[name]})
+                taken[name] = known[name]
+    return taken
 
 
 def _known(header: Dataset, names: Sequence[str]) -> dict[str, Any]:

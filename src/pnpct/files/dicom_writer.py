@@ -3,7 +3,6 @@
 import hashlib
 import json
 import math
-import re
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,9 +19,9 @@ from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian
 
 from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_folder
-from pnpct.files.dicom_elements import WRITER, code, dataset_of, decimal, uid_of
+from pnpct.files.dicom_elements import WRITER, body_part_code, code, dataset_of, decimal, uid_of
 from pnpct.files.dicom_source import SourceSeries
-from pnpct.files.errors import PathLike, shown
+from pnpct.files.errors import PathLike
 from pnpct.files.image_series import LOWEST_HU
 from pnpct.files.provenance import Provenance, record_run
 from pnpct.geometry import Grid, VolumeGrid
@@ -95,7 +94,8 @@ def write_dicom_series(
         provenance: How it was made; if None, by the program that is running.
         body_part: Body part examined, such as "CHEST", if the source does not say it: letters, digits, spaces.
         slice_thickness: Thickness of a slice, mm, if it is not the distance between slices.
-        patient: Elements of patient and study, from `read_patient`, instead of the fictitious ones of a grid.
+        patient: Elements of patient and study, from `read_patient`, instead of the fictitious ones of a grid; and those
+            of the acquisition that are known.
 
     Raises:
         OSError: If the folder cannot be written, or something else is in it.
@@ -221,18 +221,6 @@ def _in_words(provenance: Provenance) -> str:
     plain = {name: value for name, value in provenance.settings.items() if not isinstance(value, Mapping | list)}
     settings = [f"{name} {value}" for name, value in plain.items() if value is not None]
     return "; ".join([f"pnpct {provenance.version}", *hashes, *settings])[:_SHORT_TEXT]
-
-
-def body_part_code(name: str) -> str:
-    """Return a body part as DICOM writes it, in capitals.
-
-    Raises:
-        ValueError: If it is longer than 16 characters, or there are others than letters, digits and spaces.
-    """
-    code = name.strip().upper()
-    if not re.fullmatch(r"[A-Z0-9 _]{1,16}", code):
-        raise ValueError(f"A body part is 1 to 16 letters, digits and spaces, such as CHEST, got {shown(name)}.")
-    return code
 
 
 def _stated(body_part: str | None, slice_thickness: float | None) -> dict[str, Any]:
