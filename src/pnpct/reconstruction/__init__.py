@@ -20,6 +20,8 @@ from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
+from pnpct.reconstruction.tilted_slices import rebin
+from pnpct.reconstruction.volume import RaysOfViews, Slab, covered_slices, reconstruct_volume
 
 __all__ = [
     "DAMPING",
@@ -32,18 +34,23 @@ __all__ = [
     "Method",
     "PlugAndPlay",
     "Progress",
+    "RaysOfViews",
     "Reconstruction",
     "ResultName",
     "RuleName",
+    "Slab",
     "SolverName",
     "beta_from_sigma_v",
     "change",
+    "covered_slices",
     "denoiser_settings",
     "fbp",
     "mean_diagonal",
     "paper_rule",
     "pnp_admm",
+    "rebin",
     "reconstruct",
+    "reconstruct_volume",
     "relative_rule",
     "sigma_v_from_beta",
     "solver_by_name",
