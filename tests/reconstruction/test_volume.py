@@ -18,6 +18,12 @@ ANGLES = TURN / 120 * np.arange(300)
 DETECTOR = Detector(bins=100, bin_width=6.0, offset=0.25, rows=16, row_height=2.2)
 HELIX = ConeBeam(Trajectory(ANGLES, z=FEED * ANGLES / TURN - 25.0), DETECTOR, 541.0, 949.0)
 CIRCLE = replace(HELIX, trajectory=Trajectory(TURN / 120 * np.arange(120), z=[3.0] * 120))
+FLYING = [(0.4 * (view % 2) - 0.2, 5.45 * (view % 2), -0.66 * (view % 2)) for view in range(300)]
+SCANS = {
+    "helix": HELIX,
+    "circle": CIRCLE,
+    "flying focal spot": replace(HELIX, trajectory=replace(HELIX.trajectory, focal_spot_shifts=FLYING)),
+}
 PLANE = ImageGrid(48, 48, spacing=5.0)
 STACK = VolumeGrid(PLANE, slices=5, slice_spacing=1.25, z=0.5)
 BODY = ((0.0, 0.0, 0.0), (90.0, 70.0, 1e6), 1.0)
@@ -60,8 +66,9 @@ def helix_rays() -> torch.Tensor:
     return chords(HELIX, BODY, BALL)
 
 
-@pytest.mark.parametrize("geometry", [HELIX, CIRCLE], ids=["helix", "circle"])
-def test_what_is_the_same_in_all_slices_is_what_it_is(geometry):
+@pytest.mark.parametrize("name", SCANS)
+def test_what_is_the_same_in_all_slices_is_what_it_is(name):
+    geometry = SCANS[name]
     volume = volume_of(chords(geometry, BODY), geometry)
     assert volume.shape == STACK.shape
     for image in volume.numpy():
