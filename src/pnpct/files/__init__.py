@@ -27,6 +27,7 @@ from pnpct.files.onnx_file import export_onnx
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
 from pnpct.files.scan_file import FORMAT as SCAN
 from pnpct.files.scan_file import read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
+from pnpct.files.slab_folder import SlabFolder
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "ListedScan",
     "Manifest",
     "Provenance",
+    "SlabFolder",
     "Split",
     "WrittenGeometry",
     "atomic_path",

@@ -15,7 +15,6 @@ References:
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypeAlias
@@ -25,8 +24,8 @@ from numpy.typing import NDArray
 
 from pnpct.geometry.cone_beam import ConeBeam
 from pnpct.geometry.fan_beam import FanBeam
+from pnpct.geometry.plane_stack import Array, Plane, PlaneStack, spanning
 
-Array: TypeAlias = NDArray[np.float64]
 Rebinning: TypeAlias = Literal["tilted", "single-slice"]
 
 WINDOWS = 16
@@ -45,40 +44,6 @@ _MEETS = math.radians(60.0)
 
 _IN_MICROMETRES = 3
 """Shifts of the focal spot are rounded to as many decimals of a millimetre, so that views a turn apart agree."""
-
-
-@dataclass(frozen=True)
-class Plane:
-    """A plane that is nearly horizontal.
-
-    Args:
-        z: Height on the axis, mm.
-        slope: Growth of the height along x and along y.
-
-    Example:
-        >>> Plane(10.0, slope=(0.01, 0.0)).heights(np.array([-100.0, 0.0]), np.zeros(2)).tolist()
-        [9.0, 10.0]
-    """
-
-    z: float
-    slope: tuple[float, float] = (0.0, 0.0)
-
-    def heights(self, x: Array, y: Array) -> Array:
-        """Return the height at each point, mm."""
-        return self.z + self.slope[0] * x + self.slope[1] * y
-
-
-@dataclass(frozen=True)
-class PlaneStack:
-    """Neighbouring planes that take the same views.
-
-    Args:
-        center: Middle of their window, in steps of 2π/2¹⁹.
-        planes: From the lowest up.
-    """
-
-    center: int
-    planes: tuple[Plane, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +109,10 @@ class TiltedPlanes:
         first, last = self._windows
         low, high = sorted(self._height(2 * math.pi / WINDOWS * edge) for edge in (first - 0.5, last + 0.5))
         return low, high
+
+    def leaves(self, z: float, radius: float) -> float:
+        """Return how far the rays of a circle leave the plane of a height, within a radius about the axis, mm."""
+        return abs(z - self._fit[1]) * radius / self.geometry.source_to_isocenter
 
     def stack_at(self, z: float) -> PlaneStack:
         """Return the one plane of a height on the axis, with the views that are centred about it.
@@ -290,10 +259,3 @@ class TiltedPlanes:
     def _plane(self, central: float) -> Plane:
         slope = (self.tilt * math.cos(central), self.tilt * math.sin(central))
         return Plane(self._height(central), slope)
-
-
-def spanning(stacks: Sequence[PlaneStack], low: float, high: float) -> list[PlaneStack]:
-    """Return the fewest stacks with a plane at or below `low` and one at or above `high`, as far as there are any."""
-    begin = max((number for number, stack in enumerate(stacks) if stack.planes[0].z <= low), default=0)
-    end = min((number for number, stack in enumerate(stacks) if stack.planes[-1].z >= high), default=len(stacks) - 1)
-    return list(stacks[begin : end + 1])

@@ -21,12 +21,13 @@ from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
 from pnpct.reconstruction.tilted_slices import rebin
-from pnpct.reconstruction.volume import RaysOfViews, Slab, covered_slices, reconstruct_volume
+from pnpct.reconstruction.volume import SLAB, RaysOfViews, Slab, check_covered, covered_slices, reconstruct_volume
 
 __all__ = [
     "DAMPING",
     "FBP",
     "METHODS",
+    "SLAB",
     "STOP_RULES",
     "TVPWLS",
     "ADMMState",
@@ -42,6 +43,7 @@ __all__ = [
     "SolverName",
     "beta_from_sigma_v",
     "change",
+    "check_covered",
     "covered_slices",
     "denoiser_settings",
     "fbp",

@@ -12,7 +12,8 @@ import torch
 
 from pnpct.arrays import Image, Volume
 from pnpct.geometry import ConeBeam, ImageGrid, Plane, PlaneStack, Rebinning, TiltedPlanes, VolumeGrid
-from pnpct.geometry.tilted_planes import WINDOWS, Array, spanning
+from pnpct.geometry.plane_stack import Array, spanning
+from pnpct.geometry.tilted_planes import WINDOWS
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.methods import Method
@@ -20,6 +21,9 @@ from pnpct.reconstruction.tilted_slices import rebinned
 
 RaysOfViews: TypeAlias = Callable[[Sequence[int]], Sinogram]
 """From the numbers of views to their line integrals and weights: `lambda views: take_log(scan[views], ...)`."""
+
+SLAB = 8
+"""Slices of a slab."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +50,7 @@ def reconstruct_volume(
     plane_spacing: float | None = None,
     rebinning: Rebinning = "tilted",
     first: int = 0,
-    slab: int = 8,
+    slab: int = SLAB,
 ) -> Iterator[Slab]:
     """Reconstruct planes by a two-dimensional method, and yield the slices between them, from the lowest up.
 
