@@ -17,7 +17,7 @@ import torch
 from pnpct.arrays import ConeRays, Image
 from pnpct.files import scan_from_arrays
 from pnpct.geometry import ConeBeam, Detector, ImageGrid, Trajectory, VolumeGrid
-from pnpct.physics import Scan
+from pnpct.physics import BeamHardening, Scan
 
 FOLDER = Path(os.environ.get("PNPCT_TEST_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
@@ -73,6 +73,25 @@ class ReferenceCone:
     grid: VolumeGrid
     content: dict[str, Any]
     reader: dict[str, Any]
+
+    def scan(self, tube_current_ma: float, seed: int) -> Scan:
+        """Draw the polychromatic scan of a tube current, with the water correction that goes with it."""
+        content, rng = self.content, np.random.default_rng(seed)
+        quantum = content["air_S2"] / content["air_S1"]
+        share = tube_current_ma * float(content["rotation_s"]) / int(content["views_per_turn"])
+        incident = torch.from_numpy(content["air_S1"] / quantum * share).float()
+        draw = self.reader["line_integrals"]
+        counts = torch.empty(self.geometry.shape)
+        for view in range(self.geometry.views):
+            counts[view] = incident * torch.from_numpy(-draw(content, view, tube_current_ma, rng)).exp()
+        return Scan(
+            counts=counts,
+            incident=incident,
+            electronic_noise=float((content["electronic_noise_kev"] / quantum).mean()),
+            geometry=self.geometry,
+            mu_water=self.mu_water,
+            beam_hardening=BeamHardening(torch.from_numpy(content["water_correction"]).float()),
+        )
 
 
 def chest_rows(name: str) -> ReferenceCone:

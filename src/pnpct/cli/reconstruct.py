@@ -27,7 +27,7 @@ _OF_TRUTH = "that of the truth in the scan; without one,"
 
 
 @dataclass(frozen=True)
-class Reconstruct(MethodOptions, VolumeOptions):
+class Reconstruct(VolumeOptions, MethodOptions):
     """Reconstruct the image of a scan, or the volume of a scan with several detector rows.
 
     Slices of a volume are written when they are done, to a folder beside the output. If the command is interrupted and

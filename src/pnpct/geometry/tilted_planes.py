@@ -187,6 +187,13 @@ class TiltedPlanes:
         moving = any(along or away for along, away in shifts)
         return replace(fan, focal_spot_shifts=shifts) if moving else fan
 
+    @property
+    def most_blocks(self) -> int:
+        """Most sixteenths of a turn in which the views of a stack are."""
+        if self.feed == 0:
+            return len(np.unique(self.blocks(self._order)))
+        return math.ceil(2 * self._half / _WINDOW) + 1
+
     def blocks(self, views: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return for each view the number of its sixteenth of a turn; numbers go on from turn to turn."""
         numbers: NDArray[np.int64] = self._counted[views] // _WINDOW

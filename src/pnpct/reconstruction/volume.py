@@ -54,16 +54,17 @@ def reconstruct_volume(
 ) -> Iterator[Slab]:
     """Reconstruct planes by a two-dimensional method, and yield the slices between them, from the lowest up.
 
-    Planes no farther apart than the detector rows are reconstructed one group after the other, where a group has one
-    fan beam; between them each pixel is interpolated along z. What a slice is does not depend on `first` and `slab`.
+    The planes are those of `TiltedPlanes`. They are reconstructed in groups that have one fan beam, and each pixel is
+    interpolated along z between them. What a slice is does not depend on `first` and `slab`.
 
-    At any time it has in memory the rays of three quarters of a turn, the planes that one slice needs (about 8 at 20 mm
-    a turn), what the method needs for the planes of one group, and up to 16 projectors: together about
-    (0.8 · views per turn · rows · bins · 2 + 40 · pixels) · 4 bytes + 16 projectors of 12 MB at 984 x 900 rays.
+    At any time it has in memory the rays of three quarters of a turn (of all views, of an axial scan), the images of
+    the planes around a slice (14 at 20 mm a turn), 16 projectors, which all turns share, and what the method needs for
+    one group of planes: with 984 x 900 rays a turn in 32 rows and 512 x 512 pixels about 170 + 14 + 400 MB, whatever
+    the number of slices.
 
     Args:
-        rays: The line integrals and weights of the views with the given numbers; it is asked for every view once or
-            twice, for a sixteenth of a turn at a time.
+        rays: The line integrals and weights of the views with the given numbers; it is asked for each view once, for a
+            sixteenth of a turn at a time.
         geometry: All views.
         grid: The slices.
         method: What makes the image of a plane.
@@ -180,7 +181,7 @@ def _images(
     """Yield the images of the planes, from the lowest up."""
     projector = lru_cache(maxsize=WINDOWS)(lambda fan: Projector(grid, fan, mu_water=mu_water))
 
-    @lru_cache(maxsize=WINDOWS + 1 if planes.feed else None)
+    @lru_cache(maxsize=planes.most_blocks)
     def sinogram_of(block: int) -> Sinogram:
         return rays(planes.views_of(block).tolist())
 
