@@ -17,7 +17,7 @@ from pnpct.cli.parsing import option
 from pnpct.cli.slabs import volume_of_slabs
 from pnpct.cli.terminal import track, working
 from pnpct.cli.volume_options import VolumeOptions
-from pnpct.files import read_scan, record_run, write_image
+from pnpct.files import read_scan, read_scan_geometry, record_run, write_image
 from pnpct.geometry import ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
 from pnpct.operators import Projector
 from pnpct.physics import Scan, Sinogram, take_log
@@ -54,11 +54,13 @@ class Reconstruct(VolumeOptions, MethodOptions):
         check_output(self.image, IMAGES, inputs=[self.scan])
         device = choose_device(self.device)
         method = self.chosen_method(device)
-        scan = read_scan(self.scan)
+        geometry = read_scan_geometry(self.scan)
+        # Of several rows only a few views at a time are in memory.
+        scan = read_scan(self.scan, views=slice(1) if isinstance(geometry, ConeBeam) else slice(None))
         if scan.counts.ndim > len(scan.geometry.shape) and ".nii" in self.image.suffixes:
             raise ValueError(f"{self.scan} holds several scans, and NIfTI one image; write .h5.")
-        if isinstance(scan.geometry, ConeBeam):
-            self._volume(scan, scan.geometry, method, device, command)
+        if isinstance(geometry, ConeBeam):
+            self._volume(geometry, method, device, command, mu_water=scan.mu_water)
             return
         self.check_one_plane()
         image, grid, settings = self._image(on_device(scan, device), method)
@@ -76,7 +78,7 @@ class Reconstruct(VolumeOptions, MethodOptions):
         return made.image, grid, {**made.settings, **ended, "grid": asdict(grid)}
 
     def _volume(
-        self, scan: Scan, geometry: ConeBeam, method: Method, device: torch.device, command: Sequence[str]
+        self, geometry: ConeBeam, method: Method, device: torch.device, command: Sequence[str], *, mu_water: float
     ) -> None:
         options = self.of_planes()
         planes = TiltedPlanes(geometry, options.get("rebinning", TiltedPlanes.rebinning))
@@ -86,10 +88,12 @@ class Reconstruct(VolumeOptions, MethodOptions):
         provenance = record_run(command, inputs=[self.scan], settings=settings)
 
         def rays(views: Sequence[int]) -> Sinogram:
-            return take_log(on_device(scan[views], device))
+            first = min(views)
+            part = read_scan(self.scan, views=slice(first, max(views) + 1))
+            return take_log(on_device(part[[view - first for view in views]], device))
 
         def slabs(first: int) -> Iterator[Slab]:
-            return reconstruct_volume(rays, geometry, grid, method, mu_water=scan.mu_water, first=first, **options)
+            return reconstruct_volume(rays, geometry, grid, method, mu_water=mu_water, first=first, **options)
 
         with volume_of_slabs(slabs, self.image, grid, provenance) as volume:
             write_image(self.image, volume, grid, provenance=provenance)
