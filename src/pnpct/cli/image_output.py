@@ -77,6 +77,8 @@ class SeriesOptions:
         *,
         provenance: Provenance,
         source: Mapping[str, str] | None = None,
+        slice_thickness: float | None = None,
+        also: str = "",
     ) -> None:
         """Write an image and its sidecar, and print where it is.
 
@@ -86,6 +88,8 @@ class SeriesOptions:
             place: Where its pixels are, or for a DICOM series the one that it was made of.
             provenance: How it was made; its command line says whether the path is a folder.
             source: What the scan knows of its patient, from `source_of`.
+            slice_thickness: Over how much of z each slice is a mean, mm; the distance of the slices if None or 0.
+            also: What the summary says besides.
 
         Raises:
             OSError: If a file cannot be written.
@@ -95,15 +99,23 @@ class SeriesOptions:
             if isinstance(place, SourceSeries):
                 raise ValueError(f"{path} is a file, and the slices of a series may lie anywhere; name a folder.")
             write_image(path, image, place, provenance=provenance)
-            finish(path, provenance, summary=str(place))
+            finish(path, provenance, summary=f"{place}{also}")
             return
         patient: Mapping[str, Any] = source if source and "StudyInstanceUID" in source else {}
         of = "its source's patient and study" if patient or isinstance(place, SourceSeries) else "a fictitious patient"
         if self.patient_of:
             patient, of = read_patient(self.patient_of), f"the patient and study of {self.patient_of}"
         body_part = self.body_part or (source or {}).get("BodyPartExamined")
-        write_dicom_series(path, image, place, provenance=provenance, body_part=body_part, patient=patient)
-        finish(path, provenance, summary=f"{place}, as a DICOM series of {of}")
+        write_dicom_series(
+            path,
+            image,
+            place,
+            provenance=provenance,
+            body_part=body_part,
+            patient=patient,
+            slice_thickness=slice_thickness or None,
+        )
+        finish(path, provenance, summary=f"{place}{also}, as a DICOM series of {of}")
         if (lay := patient.get("PatientPosition", "HFS")) != "HFS":
             say(f"The patient lay {lay}, not HFS: left and right are uncertain; compare with the scanner's images.")
 

@@ -31,6 +31,7 @@ from pnpct.files.provenance import Provenance, record_run, sha256_of, write_side
 from pnpct.files.scan_file import FORMAT as SCAN
 from pnpct.files.scan_file import read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
 from pnpct.files.series_resampling import evenly_spaced
+from pnpct.files.slab_folder import SlabFolder
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "ListedScan",
     "Manifest",
     "Provenance",
+    "SlabFolder",
     "SourceSeries",
     "Split",
     "WrittenGeometry",

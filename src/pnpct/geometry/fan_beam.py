@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pnpct.geometry.cone_beam import ConeBeam, Points
+from pnpct.geometry.cone_beam import DEFAULT_SIZE, ConeBeam, Points
 from pnpct.geometry.detector import Detector
 from pnpct.geometry.image_grid import ImageGrid
 from pnpct.geometry.trajectory import Trajectory, Views
@@ -135,16 +135,9 @@ class FanBeam:
         """Radius of the circle about the isocentre that the wider side of the fan reaches, mm."""
         return self.cone_beam.field_of_view_radius
 
-    def grid(self, size: int = 512) -> ImageGrid:
-        """Return square pixels over the field of view of the fan.
-
-        Args:
-            size: Rows and columns, at least 1.
-
-        Raises:
-            ValueError: If there is no row.
-        """
-        return ImageGrid(size, size, spacing=2 * self.field_of_view_radius / max(size, 1))
+    def grid(self, size: int = DEFAULT_SIZE) -> ImageGrid:
+        """Return square pixels over the field of view of the fan, as `ConeBeam.grid` does."""
+        return self.cone_beam.grid(size)
 
     def focal_spots(self) -> Points:
         """Return where the focal spot is in each view: (views, 2), mm."""

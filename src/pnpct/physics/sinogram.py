@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
-from pnpct.geometry import Geometry, require_fan_beam
+from pnpct.geometry import ConeBeam, Geometry
 from pnpct.physics.scan import Scan
 from pnpct.physics.weights import DiagonalWeights, Weights
 
@@ -70,8 +70,8 @@ def take_log(
         scan: The scan.
         smoothing: Standard deviation of the Gaussian that gives l, in bins along the detector, and along the
             views as many views, but no further than a point halfway out in the field of view moves by as many
-            bins. 0 for none: each weight comes from its own count, and the logarithm reaches down to the
-            larger of s and one quantum.
+            bins; of a cone beam along the rows instead, so that each view stands alone. 0 for none: each weight
+            comes from its own count, and the logarithm reaches down to the larger of s and one quantum.
         low_counts: Noise-equivalent counts up to which the tangent replaces the logarithm, ≥ 0.
         weight: "statistical", or "uniform" for ones.
 
@@ -79,7 +79,7 @@ def take_log(
         Line integrals, dimensionless, and weights, 1/variance for "statistical".
 
     Raises:
-        ValueError: If an option is out of range, or the counts of a cone beam are to be smoothed.
+        ValueError: If an option is out of range.
 
     References:
         Thibault et al., Proc. SPIE 6065 (2006) 60650X: positive counts by local averaging, electronic noise
@@ -131,17 +131,21 @@ def _smooth(transmission: Rays | ConeRays, geometry: Geometry, smoothing: float)
     """Gaussian means over neighbours; as matrices, so that views may come in any order and with gaps."""
     if smoothing == 0:
         return transmission
-    geometry = require_fan_beam(geometry)
+    over_bins = _neighbours(geometry.bins, smoothing, transmission)
+    if isinstance(geometry, ConeBeam):
+        return _neighbours(geometry.rows, smoothing, transmission) @ transmission @ over_bins.T
     angles = np.asarray(geometry.view_angles)
     apart = (angles[:, None] - angles + np.pi) % (2 * np.pi) - np.pi
     steps = np.diff(np.unique((angles % (2 * np.pi)).round(9)))
     step = float(np.median(steps)) if steps.size else math.inf
     # Few views are far apart: their neighbours see something else, and would blur the object.
     step = min(step, geometry.bin_width_at_isocenter / (geometry.field_of_view_radius / 2))
-    numbers = np.arange(geometry.bins)
-    over_views = _gaussian(apart / (smoothing * step), transmission)
-    over_bins = _gaussian((numbers[:, None] - numbers) / smoothing, transmission)
-    return over_views @ transmission @ over_bins.T
+    return _gaussian(apart / (smoothing * step), transmission) @ transmission @ over_bins.T
+
+
+def _neighbours(count: int, smoothing: float, like: Tensor) -> Float[Tensor, "n n"]:
+    numbers = np.arange(count)
+    return _gaussian((numbers[:, None] - numbers) / smoothing, like)
 
 
 def _gaussian(distances: NDArray[np.float64], like: Tensor) -> Float[Tensor, "n n"]:

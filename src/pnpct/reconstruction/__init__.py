@@ -20,11 +20,14 @@ from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
+from pnpct.reconstruction.tilted_slices import rebin
+from pnpct.reconstruction.volume import SLAB, RaysOfViews, Slab, check_covered, covered_slices, reconstruct_volume
 
 __all__ = [
     "DAMPING",
     "FBP",
     "METHODS",
+    "SLAB",
     "STOP_RULES",
     "TVPWLS",
     "ADMMState",
@@ -32,18 +35,24 @@ __all__ = [
     "Method",
     "PlugAndPlay",
     "Progress",
+    "RaysOfViews",
     "Reconstruction",
     "ResultName",
     "RuleName",
+    "Slab",
     "SolverName",
     "beta_from_sigma_v",
     "change",
+    "check_covered",
+    "covered_slices",
     "denoiser_settings",
     "fbp",
     "mean_diagonal",
     "paper_rule",
     "pnp_admm",
+    "rebin",
     "reconstruct",
+    "reconstruct_volume",
     "relative_rule",
     "sigma_v_from_beta",
     "solver_by_name",

@@ -1,7 +1,6 @@
 """The normal equations (AᵀWA + β) x = b of the data step: their scale, and conjugate gradients."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, TypeAlias, final
 
 import torch
@@ -73,10 +72,7 @@ def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
         1 over the square of attenuation relative to water, shape (*batch, 1, 1).
     """
     diagonal = A.gram_diagonal(sinogram.weights.diagonal)
-    at_rest = A
-    if A.geometry.focal_spot_shifts:  # which FBP does not take; for a mask the nominal focal spot will do
-        at_rest = Projector(A.grid, replace(A.geometry, focal_spot_shifts=()), mu_water=A.mu_water)
-    inside = fbp(sinogram.line_integrals, at_rest, kernel="soft") > OBJECT
+    inside = fbp(sinogram.line_integrals, A, kernel="soft") > OBJECT
     inside = inside | ~inside.any(dim=A.domain_dims, keepdim=True)
     diagonal = diagonal.expand(inside.shape)
     return (diagonal * inside).sum(A.domain_dims, keepdim=True) / inside.sum(A.domain_dims, keepdim=True)
