@@ -9,7 +9,7 @@ from tyro.conf import Positional
 
 from pnpct.cli.coverage import in_words
 from pnpct.cli.terminal import say, shortened
-from pnpct.files import SCAN, describe_file, read_scan_geometry
+from pnpct.files import SCAN, describe_file, read_scan, read_scan_geometry
 from pnpct.geometry import ConeBeam
 
 
@@ -26,6 +26,7 @@ class Info:
     def run(self, command: Sequence[str]) -> None:  # noqa: ARG002 - no file is written that would record it
         """Describe the file."""
         content = describe_file(self.file)
+        rays = _of_rays(self.file) if content["format"] == "pnpct-scan" else None
         say(f"{self.file}: {content['format']}, version {content['format_version']}")
         if content["description"]:
             say(content["description"])
@@ -46,6 +47,22 @@ class Info:
             )
         for name, attributes in content["attributes"].items():
             _say_section(name, attributes)
+        if rays is not None:
+            _say_section("rays", rays)
+
+
+def _of_rays(file: Path) -> Mapping[str, Any]:
+    """How many rays of a scan were not measured, and which cells seem to be dead."""
+    scan = read_scan(file)
+    measured = scan.measured.expand(scan.geometry.shape)
+    counted = (scan.counts > 0).reshape(-1, scan.geometry.bins).any(dim=0)
+    silent = (measured.reshape(-1, scan.geometry.bins).any(dim=0) & ~counted).nonzero().ravel().tolist()
+    return {
+        "not measured": f"{missing} of {measured.numel()}" if (missing := int((~measured).sum())) else "",
+        "seem dead": f"bins {', '.join(map(str, silent[:20]))} count nothing in any view; import them with --mask"
+        if silent
+        else "",
+    }
 
 
 def _say_section(title: str, values: Mapping[str, Any]) -> None:

@@ -20,7 +20,7 @@ from pnpct.files.geometry_json import WrittenGeometry, read_geometry
 from pnpct.files.hdf5 import describe_file
 from pnpct.files.image_file import check_window, read_image, write_image
 from pnpct.files.image_series import ImageSeries, read_volume
-from pnpct.files.importers import scan_from_arrays
+from pnpct.files.importers import ImportedScan, import_arrays, scan_from_arrays
 from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
 from pnpct.files.named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names
 from pnpct.files.onnx_file import export_onnx
@@ -40,6 +40,7 @@ __all__ = [
     "FileFormatError",
     "FractionMap",
     "ImageSeries",
+    "ImportedScan",
     "ListedScan",
     "Manifest",
     "Provenance",
@@ -49,6 +50,7 @@ __all__ = [
     "check_window",
     "describe_file",
     "export_onnx",
+    "import_arrays",
     "load_array",
     "load_denoiser",
     "load_network",

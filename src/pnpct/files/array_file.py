@@ -19,7 +19,7 @@ _DAMAGE = (
 )
 
 
-def load_array(path: PathLike) -> NDArray[Any]:
+def load_array(path: PathLike, *, nan: bool = False) -> NDArray[Any]:
     """Load an array of numbers from a .npy file, or one member of a .npz file.
 
     The member is named after a colon, "scan.npz:counts"; without a name it is the only one with two
@@ -27,6 +27,8 @@ def load_array(path: PathLike) -> NDArray[Any]:
 
     Args:
         path: The file, with the member's name for a .npz file that has more than one.
+
+        nan: Whether NaN may be among the numbers, and booleans do.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
@@ -46,9 +48,9 @@ def load_array(path: PathLike) -> NDArray[Any]:
         raise
     except _DAMAGE as error:
         raise FileFormatError(f"{file}: this is not a complete .npy or .npz file of numbers ({error}).") from error
-    if array.dtype.kind not in "fiu":
+    if array.dtype.kind not in ("fiub" if nan else "fiu"):
         raise FileFormatError(f"{path}: an array of real numbers was needed, got {array.dtype}.")
-    wrong = np.argwhere(~np.isfinite(array))
+    wrong = np.argwhere(np.isinf(array) if nan else ~np.isfinite(array))
     if len(wrong):
         where = tuple(int(index) for index in wrong[0])
         raise FileFormatError(

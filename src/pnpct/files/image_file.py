@@ -32,6 +32,7 @@ from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu, to_hu
 
 FORMAT = "pnpct-image"
+_SILENT: Any = nib.imageglobals.LoggingOutputSuppressor  # nibabel reports to stderr what it mends
 _NARROWEST_WINDOW, _WIDEST_WINDOW = 1e-3, 1e5
 
 
@@ -163,7 +164,7 @@ def _write_nifti(path: PathLike, image: Image | Volume, grid: Grid, provenance: 
 def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     existing_file(path)
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
+        with warnings.catch_warnings(), np.errstate(all="ignore"), _SILENT():
             warnings.simplefilter("ignore")  # what does not fit is refused below
             voxels, affine, axes = _canonical(path)
     except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:

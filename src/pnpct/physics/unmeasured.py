@@ -1,0 +1,35 @@
+"""Rays that were not measured: dead cells, masked cells, views with a fault."""
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from pnpct.arrays import ConeRays, Rays
+
+
+def fill_along_detector(rays: Rays | ConeRays, measured: Bool[Tensor, "..."]) -> Rays | ConeRays:
+    """Replace rays that were not measured by what lies between their nearest measured neighbours in the same row.
+
+    Linear in the number of the bin; beyond the outermost measured ray its value stays.
+
+    Args:
+        rays: Values of each ray, any where not measured.
+        measured: Whether each ray was measured; broadcasts to the rays.
+
+    Raises:
+        ValueError: If a row was not measured at all.
+
+    Example:
+        >>> fill_along_detector(torch.tensor([[1.0, 9.0, 3.0]]), torch.tensor([True, False, True])).tolist()
+        [[1.0, 2.0, 3.0]]
+    """
+    flat = rays.detach().cpu().double().reshape(-1, rays.shape[-1]).numpy().copy()
+    known = measured.cpu().expand(rays.shape).reshape(-1, rays.shape[-1]).numpy()
+    bins = np.arange(rays.shape[-1])
+    if not known.any(axis=1).all():
+        raise ValueError("Some views were not measured at all; leave them out of the scan, as in scan[views].")
+    for row in np.flatnonzero(~known.all(axis=1)):
+        good = known[row]
+        flat[row, ~good] = np.interp(bins[~good], bins[good], flat[row, good])
+    return torch.from_numpy(flat).reshape(rays.shape).to(rays)
