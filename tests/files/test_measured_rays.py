@@ -52,6 +52,13 @@ def test_transmissions_are_recognised_by_their_size(line_integrals):
     assert "incident quanta were" in made.notes[1]
 
 
+def test_transmissions_of_known_incident_counts_are_counts(line_integrals):
+    transmissions = np.random.default_rng(3).poisson(1e4 * np.exp(-line_integrals)) / 1e4
+    made = import_arrays(transmissions, GEOMETRY, kind="counts", incident=1e4, mu_water=MU)
+    assert made.scan.counts.numpy() == pytest.approx(1e4 * transmissions, rel=1e-6)
+    assert len(made.notes) == 1
+
+
 @pytest.mark.parametrize("incident", [None, 1.0])
 def test_line_integrals_need_no_counts_for_fbp(line_integrals, incident):
     made = import_arrays(line_integrals, GEOMETRY, incident=incident, mu_water=MU)
@@ -90,6 +97,11 @@ def silent_cell(counts):
     return {}
 
 
+def noisy_cell(counts):
+    counts[:, 150] = 10 * np.random.default_rng(4).standard_normal(VIEWS)
+    return {"electronic_noise": 10.0}
+
+
 def without_incident(counts):
     return {"incident": np.where(np.arange(BINS) == 150, 0.0, 1e5)}
 
@@ -99,7 +111,7 @@ def masked(counts):
     return {"mask": np.arange(BINS) != 150}
 
 
-@pytest.mark.parametrize("lose", [dead_cell, silent_cell, without_incident, masked])
+@pytest.mark.parametrize("lose", [dead_cell, silent_cell, noisy_cell, without_incident, masked])
 def test_a_dead_cell_leaves_no_ring(line_integrals, lose):
     counts = 1e5 * np.exp(-line_integrals)
     options = {"incident": 1e5, **lose(counts)}
@@ -152,13 +164,14 @@ def test_the_bins_of_a_mask_run_as_those_of_the_array(line_integrals):
     [
         ({"kind": "counts"}, "Counts need their incident counts"),
         ({"kind": "counts", "incident": 0.0}, "incident counts must be positive"),
+        ({"kind": "counts", "incident": 1e5, "array": np.zeros((VIEWS, BINS))}, "No ray detected anything"),
         ({"mask": np.zeros(BINS)}, "No ray was measured"),
         ({"mask": np.zeros(3)}, "The mask must be one number or of the shape"),
     ],
 )
 def test_what_cannot_be_is_one_sentence(line_integrals, options, message):
     with pytest.raises(ValueError, match=message):
-        scan_from_arrays(5 * np.exp(-line_integrals), GEOMETRY, **options)
+        scan_from_arrays(**{"array": 5 * np.exp(-line_integrals), "geometry": GEOMETRY, **options})
 
 
 def test_info_counts_what_was_not_measured_and_names_dead_cells(geometry, tmp_path, capsys):

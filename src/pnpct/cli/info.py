@@ -11,6 +11,7 @@ from pnpct.cli.coverage import in_words
 from pnpct.cli.terminal import say, shortened
 from pnpct.files import SCAN, describe_file, read_scan, read_scan_geometry
 from pnpct.geometry import ConeBeam
+from pnpct.physics import dead_cells
 
 
 @dataclass(frozen=True)
@@ -51,17 +52,15 @@ class Info:
             _say_section("rays", rays)
 
 
-def _of_rays(file: Path) -> Mapping[str, Any]:
+def _of_rays(file: Path) -> Mapping[str, str]:
     """How many rays of a scan were not measured, and which cells seem to be dead."""
     scan = read_scan(file)
     measured = scan.measured.expand(scan.geometry.shape)
-    counted = (scan.counts > 0).reshape(-1, scan.geometry.bins).any(dim=0)
-    silent = (measured.reshape(-1, scan.geometry.bins).any(dim=0) & ~counted).nonzero().ravel().tolist()
+    missing = int((~measured).sum())
+    dead = [str(cell) for cell in dead_cells(scan.counts.numpy(), measured.numpy(), scan.electronic_noise)]
     return {
-        "not measured": f"{missing} of {measured.numel()}" if (missing := int((~measured).sum())) else "",
-        "seem dead": f"bins {', '.join(map(str, silent[:20]))} count nothing in any view; import them with --mask"
-        if silent
-        else "",
+        "not measured": f"{missing} of {measured.numel()}" if missing else "",
+        "seem dead": f"bins {', '.join(dead)} count nothing in any view; import them with --mask" if dead else "",
     }
 
 

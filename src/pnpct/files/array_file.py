@@ -27,8 +27,7 @@ def load_array(path: PathLike, *, nan: bool = False) -> NDArray[Any]:
 
     Args:
         path: The file, with the member's name for a .npz file that has more than one.
-
-        nan: Whether NaN may be among the numbers, and booleans do.
+        nan: Whether NaN, for what was not measured, and booleans are taken too.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
@@ -53,9 +52,8 @@ def load_array(path: PathLike, *, nan: bool = False) -> NDArray[Any]:
     wrong = np.argwhere(np.isinf(array) if nan else ~np.isfinite(array))
     if len(wrong):
         where = tuple(int(index) for index in wrong[0])
-        raise FileFormatError(
-            f"{path}: {len(wrong)} values are not finite, the first at {where}; correct or mask them."
-        )
+        advice = "write NaN for rays that were not measured" if nan else "correct or mask them"
+        raise FileFormatError(f"{path}: {len(wrong)} values are not finite, the first at {where}; {advice}.")
     return array
 
 

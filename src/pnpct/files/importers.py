@@ -17,9 +17,8 @@ from pnpct.files.measured_rays import (
     measured_rays,
     quanta_of,
     said_of,
-    without_dead_cells,
 )
-from pnpct.physics import BeamHardening, Scan
+from pnpct.physics import BeamHardening, Scan, dead_cells
 from pnpct.units import MU_WATER_70_KEV
 
 
@@ -73,14 +72,14 @@ def import_arrays(
 
     Line integrals p become counts, incident · exp(−p). Arrays come from memory or from .npy and .npz
     files, a member of the latter chosen as in "scan.npz:counts". Rays that are NaN, masked, or without incident counts
-    were not measured, nor were cells that counted nothing in any view: their incident counts become 0. Views in which
-    nothing was measured are left out.
+    were not measured, nor were cells that counted nothing but noise in all views: their incident counts become 0.
+    Views in which nothing was measured are left out.
 
     Args:
         array: Counts or line integrals, (views, bins), or a batch of them.
         geometry: The JSON file, or its content; the schema is that of `pnpct.files.geometry_json`.
-        kind: What the array holds: "line-integrals" −ln(counts/incident), dimensionless, or "counts". Counts of at
-            most 2, with such incident counts, are taken for transmissions counts/incident.
+        kind: What the array holds: "line-integrals" −ln(counts/incident), dimensionless, or "counts". Where no count
+            exceeds 2, they are taken for transmissions counts/incident.
         incident: Counts expected without an object: one number, or an array of shape (bins,), (views, 1) or
             (views, bins), in the array's order. Where they are not known, or at most 2, the incident counts of line
             integrals and of transmissions are estimated from the noise; FBP does not depend on them.
@@ -108,7 +107,9 @@ def import_arrays(
     given = None if incident is None else incident_of(incident, shape, signal_per_quantum)
     measured = measured_rays(values, given, mask, shape)
     counts, quanta, notes = quanta_of(values, given, measured, kind, name=name, per_quantum=signal_per_quantum)
-    measured, dead = without_dead_cells(counts, measured)
+    dead = dead_cells(counts, measured, electronic_noise)
+    if len(dead) < shape[1]:  # else the scan says it
+        measured[:, dead] = False
     if not measured.all():
         of_bins = (measured == measured[0]).all()
         counts, quanta = np.where(measured, counts, 0.0), np.where(measured[0] if of_bins else measured, quanta, 0.0)

@@ -85,27 +85,24 @@ def quanta_of(
     values: Array, given: Array | None, measured: Array, kind: Kind, *, name: str, per_quantum: float
 ) -> tuple[Array, Array, list[str]]:
     """Return counts and incident counts in quanta, and what was assumed; counts are any where not measured."""
-    known = values[..., measured]
-    small = given is not None and float(given.max()) <= _LARGEST_TRANSMISSION
-    if kind == "counts" and given is None:
+    known, notes = values[..., measured], []
+    unknown = given is None or float(given.max()) <= _LARGEST_TRANSMISSION
+    if kind == "line-integrals":
+        transmissions = counts_of(np.where(measured, values, 0.0), np.asarray(1.0), name=name)
+    elif given is None:
         raise ValueError("Counts need their incident counts, those expected without an object; give incident.")
-    if kind == "counts" and given is not None and not (small and float(known.max()) <= _LARGEST_TRANSMISSION):
+    elif not 0 < float(known.max()) <= _LARGEST_TRANSMISSION:
         return values / per_quantum, given, []
-    if kind == "counts" and given is not None:
-        transmissions = np.where(measured, values / per_quantum / np.where(given > 0, given, 1.0), np.nan).clip(0.0)
-        p = -np.log(transmissions.clip(_LEAST_TRANSMISSION))
-        notes = [f"The largest count is {known.max():.4g}: the counts were taken for transmissions, counts/incident."]
     else:
-        counts_of(known, np.asarray(1.0), name=name)  # which checks them
-        p, notes = np.where(measured, values, np.nan), []
-        transmissions = np.exp(-p)
-    estimate = estimate_incident(p)
-    if given is None or small:
+        transmissions = values / (per_quantum * np.where(given > 0, given, 1.0)) if unknown else values
+        notes = [f"The largest count is {known.max():.4g}: the counts were taken for transmissions, counts/incident."]
+    estimate = estimate_incident(np.where(measured, -np.log(transmissions.clip(_LEAST_TRANSMISSION)), np.nan))
+    if given is None or unknown:
         seen = "estimated from the noise" if estimate < MOST_QUANTA else "assumed, since no noise can be seen"
         notes.append(f"{estimate:.3g} incident quanta were {seen}; weights depend on them, FBP does not.")
         return estimate * transmissions, np.asarray(estimate), notes
     counts, usual = given * transmissions, float(np.median(given[given > 0]))
-    if (least := float(np.nanmin(counts))) < _ENOUGH_COUNTS and estimate > _LESS_NOISE * usual:
+    if (least := float(counts[..., measured].min())) < _ENOUGH_COUNTS and estimate > _LESS_NOISE * usual:
         raise ValueError(
             f"{name} has far less noise than {usual:.4g} incident quanta have, of which {least:.2g} would arrive in "
             f"the darkest ray; leave incident out, and it is estimated from the noise (about {estimate:.2g})."
@@ -113,18 +110,11 @@ def quanta_of(
     return counts, given, notes
 
 
-def without_dead_cells(counts: Array, measured: Array) -> tuple[Array, Array]:
-    """Return the rays of cells that counted something in some view, and the numbers of the cells that did not."""
-    counted = (np.where(measured, counts, 0.0).reshape(-1, *measured.shape) > 0).any(axis=(0, 1))
-    dead = np.flatnonzero(measured.any(axis=0) & ~counted)
-    return (measured & counted, dead) if counted.any() else (measured, dead[:0])
-
-
 def said_of(measured: Array, dead: Array) -> Iterator[str]:
     """Yield what readers should know of rays that were not measured."""
     if len(dead):
         named = ", ".join(map(str, dead[:10])) + (" and more" if len(dead) > 10 else "")
-        yield f"Bins that counted nothing in any view were left out as dead: {named}."
+        yield f"Bins that counted nothing but noise in all views were left out as dead: {named}."
     if not measured.all():
         yield f"{int((~measured).sum())} of {measured.size} rays were not measured."
     if views := int((~measured.any(axis=1)).sum()):
