@@ -48,6 +48,7 @@ IMPORTING = [
     Case("no incident counts", ARRAYS.split(" --incident")[0], "Counts need their incident counts"),
     Case("incident of 0", ARRAYS.replace("{made}/incident.npy", "0"), "incident counts positive"),
     Case("mu_water of 0", ARRAYS + " --mu-water 0", "mu_water positive 1/mm"),
+    Case("mu_water in 1/cm", ARRAYS + " --mu-water 0.19", "0.19/mm usual 1/cm --insist"),
     Case("negative noise", ARRAYS + " --electronic-noise -1", "electronic_noise not negative -1"),
     Case("a quantum of 0", ARRAYS + " --signal-per-quantum 0", "signal_per_quantum positive"),
     Case(

@@ -33,6 +33,7 @@ class ImportArrays:
         mu_water: Attenuation of water at the effective energy, 1/mm; the default is its value at 70 keV.
         beam_hardening: File of the correction's coefficients, bins x powers, highest power first.
         signal_per_quantum: Signal of one quantum, in the unit of counts and incident; 1 if these are quanta.
+        insist: Take numbers that look like a mistake, such as lengths in another unit.
     """
 
     array: Positional[Path]
@@ -47,6 +48,7 @@ class ImportArrays:
     mu_water: float = MU_WATER_70_KEV
     beam_hardening: Annotated[Path | None, option(default="no correction")] = None
     signal_per_quantum: float = 1.0
+    insist: bool = False
 
     def run(self, command: Sequence[str]) -> None:
         """Read, and write the scan."""
@@ -63,6 +65,7 @@ class ImportArrays:
             mu_water=self.mu_water,
             beam_hardening=self.beam_hardening,
             signal_per_quantum=self.signal_per_quantum,
+            insist=self.insist,
         )
         notes = {"notes": list(imported.notes)} if imported.notes else None
         finish_scan(self.scan, imported.scan, provenance=record_run(command, inputs=inputs, settings=notes))

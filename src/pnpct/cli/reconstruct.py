@@ -30,6 +30,7 @@ class Reconstruct(MethodOptions):
         image: Output file: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at.
         size: Rows and columns of the image.
         field_of_view: Width of the image, mm.
+        insist: Take a field of view that looks like a mistake of units.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
@@ -37,6 +38,7 @@ class Reconstruct(MethodOptions):
     image: Positional[Path]
     size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
     field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan covers")] = None
+    insist: bool = False
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
@@ -47,7 +49,7 @@ class Reconstruct(MethodOptions):
         scan = on_device(read_scan(self.scan), device)
         if scan.counts.ndim > len(scan.geometry.shape) and ".nii" in self.image.suffixes:
             raise ValueError(f"{self.scan} holds several scans, and NIfTI one image; write .h5.")
-        grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view)
+        grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view, insist=self.insist)
         with working("Preparing"):
             projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
             sinogram = take_log(scan)

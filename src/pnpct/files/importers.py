@@ -18,8 +18,12 @@ from pnpct.files.measured_rays import (
     quanta_of,
     said_of,
 )
+from pnpct.files.plausible import doubt_of
 from pnpct.physics import BeamHardening, Scan, dead_cells
 from pnpct.units import MU_WATER_70_KEV
+
+_LARGEST_COUNT = 1e18
+"""More than any detector counts; its square is a number in single precision too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +71,7 @@ def import_arrays(
     mu_water: float = MU_WATER_70_KEV,
     beam_hardening: PathLike | Array | None = None,
     signal_per_quantum: float = 1.0,
+    insist: bool = False,
 ) -> ImportedScan:
     """Make a scan of measured counts or line integrals and a geometry written in JSON.
 
@@ -90,6 +95,7 @@ def import_arrays(
             that turn line integrals into those at the energy of `mu_water`; None if they are so already.
         signal_per_quantum: Signal of one quantum, in the unit of the counts and `incident`; 1 if these are in quanta.
             For an energy-integrating detector it is ⟨E²⟩/⟨E⟩ of the spectrum detected without an object.
+        insist: Whether numbers are taken that look like a mistake (`pnpct.files.plausible`).
 
     Returns:
         The scan, in quanta, float32, and what was assumed.
@@ -97,8 +103,8 @@ def import_arrays(
     Raises:
         OSError: If a file is not there or cannot be read.
         FileFormatError: If a file is incomplete or not what it should be; wrong keys are named.
-        ValueError: If shapes do not fit, values are infinite or out of range, or line integrals have far less noise
-            than their incident counts.
+        ValueError: If shapes do not fit, values are infinite, out of range or unusual, or line integrals have far less
+            noise than their incident counts.
     """
     written = read_geometry(geometry)
     shape, name = written.geometry.shape, "The array" if isinstance(array, np.ndarray) else str(array)
@@ -124,6 +130,8 @@ def import_arrays(
         mu_water=mu_water,
         beam_hardening=correction_of(beam_hardening, bins_reversed=written.bins_reversed),
     )
+    if not insist and (doubt := doubt_of(scan)):
+        raise ValueError(f"This scan has {doubt} If it is meant, insist on it (--insist).")
     views = np.flatnonzero(measured.any(axis=1))
     return ImportedScan(scan if len(views) == len(measured) else scan[views], (*notes, *said_of(measured, dead)))
 
@@ -146,7 +154,14 @@ def correction_of(coefficients: PathLike | Array | None, *, bins_reversed: bool 
 
 
 def as_float32(array: Array) -> torch.Tensor:
-    """Return an array as a tensor of single precision."""
+    """Return an array of counts as a tensor of single precision.
+
+    Raises:
+        ValueError: If a number is larger than any count.
+    """
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest > _LARGEST_COUNT:
+        raise ValueError(f"A scan has counts of up to {_LARGEST_COUNT:g}, got {largest:.6g}.")
     return torch.from_numpy(np.array(array, dtype=np.float32, order="C"))
 
 
