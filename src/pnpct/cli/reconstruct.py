@@ -12,7 +12,7 @@ from pnpct.cli.devices import DeviceName, choose_device, on_device
 from pnpct.cli.grids import grid_for
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
-from pnpct.cli.terminal import track, working
+from pnpct.cli.terminal import say, track, working
 from pnpct.files import read_scan, record_run, write_image
 from pnpct.operators import Projector
 from pnpct.physics import take_log
@@ -55,10 +55,14 @@ class Reconstruct(MethodOptions):
             sinogram = take_log(scan)
         made = method(sinogram, projector, progress=_shown)
         ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
+        if made.notes:
+            ended["notes"] = list(made.notes)
         settings = {**made.settings, **ended, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
         write_image(self.image, made.image, grid, provenance=provenance)
         finish(self.image, provenance, summary=f"{grid.rows} x {grid.cols} pixels of {grid.spacing:.4g} mm")
+        for note in made.notes:
+            say(note)
 
 
 def _shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:
