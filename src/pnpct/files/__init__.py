@@ -27,6 +27,7 @@ from pnpct.files.onnx_file import export_onnx
 from pnpct.files.provenance import Provenance, record_run, sha256_of, write_sidecar
 from pnpct.files.scan_file import FORMAT as SCAN
 from pnpct.files.scan_file import read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
+from pnpct.files.sole_writer import sole_writer
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
@@ -76,6 +77,7 @@ __all__ = [
     "scan_from_catsim",
     "series_of",
     "sha256_of",
+    "sole_writer",
     "tube_voltages",
     "write_exposures",
     "write_image",
