@@ -137,6 +137,8 @@ class Train(TrainingOptions):
             raise ValueError(
                 f"{self.data} is a file, but a data set's folder is needed; --method single-scan learns from a scan."
             )
+        if self.data.is_dir() and not (self.data / MANIFEST).exists():
+            raise ValueError(f"{self.data} holds no data set; make one by pnpct simulate dataset.")
         return sha256_of(self.data / MANIFEST)
 
     def _plan(self, method: Supervised | SingleScan, network: nn.Module) -> TrainingPlan:

@@ -66,12 +66,14 @@ def compare(
     study = Study() if study is None else study
     methods = methods if isinstance(methods, Candidates) else controls().with_methods(methods)
     subjects = list(subjects_of(scans, study))
+    if not subjects:
+        raise ValueError("A comparison needs at least one scan.")
     if processes > 1:  # what cannot be had is said before the work
         _ = [method.packed() for method in methods]
     jobs = phantom_jobs(methods, study)
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
-        at_once = min(processes, len(subjects) or 1)
+        at_once = min(processes, len(subjects))
         with closing(compare_scans(folder, subjects, methods, study, processes=at_once)) as made:
             by_name = {one.case.name: one for one in progress(made, len(subjects), "Comparing")}
         with closing(measure_phantoms(folder, jobs, processes=processes)) as made_of_phantoms:
@@ -99,10 +101,8 @@ def compare_scans(
 
     Raises:
         OSError: If a file cannot be read or written, or a process dies.
-        ValueError: If there is no scan, or a scan or a setting is not what it should be.
+        ValueError: If a scan or a setting is not what it should be.
     """
-    if not subjects:
-        raise ValueError("A comparison needs at least one scan.")
     folder.mkdir(parents=True, exist_ok=True)
     if processes == 1:
         yield from (compare_one_scan(folder, subject, methods, study) for subject in subjects)

@@ -46,9 +46,11 @@ def load_array(path: PathLike, *, nan: bool = False) -> NDArray[Any]:
     except FileFormatError:
         raise
     except _DAMAGE as error:
-        raise FileFormatError(f"{file}: this is not a complete .npy or .npz file of numbers ({error}).") from error
+        raise FileFormatError(
+            f"{file}: this is not a complete .npy or .npz file of numbers; save it by numpy.save."
+        ) from error
     if array.dtype.kind not in ("fiub" if nan else "fiu"):
-        raise FileFormatError(f"{path}: an array of real numbers was needed, got {array.dtype}.")
+        raise FileFormatError(f"{path}: an array of real numbers was needed, got {array.dtype}; convert it.")
     wrong = np.argwhere(np.isinf(array) if nan else ~np.isfinite(array))
     if len(wrong):
         where = tuple(int(index) for index in wrong[0])

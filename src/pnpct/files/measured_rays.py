@@ -77,7 +77,9 @@ def measured_rays(
     if mask is not None:
         measured &= np.nan_to_num(_for_rays(mask, shape, "mask")) != 0
     if not measured.any():
-        raise ValueError("No ray was measured: all are NaN, masked, or without incident counts.")
+        raise ValueError(
+            "No ray was measured: all are NaN, without incident counts, or 0 in the mask; give those that were a 1."
+        )
     return measured
 
 
