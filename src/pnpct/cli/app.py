@@ -41,8 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C, SIGTERM
-        or SIGHUP. An
-        exception that is raised from here is a bug.
+        or SIGHUP. An exception that is raised from here is a bug.
     """
     try:
         with ended_as_by_ctrl_c():

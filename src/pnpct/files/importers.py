@@ -113,7 +113,9 @@ def import_arrays(
     given = None if incident is None else incident_of(incident, shape, signal_per_quantum)
     measured = measured_rays(values, given, mask, shape)
     counts, quanta, notes = quanta_of(values, given, measured, kind, name=name, per_quantum=signal_per_quantum)
-    dead = dead_cells(counts, measured, electronic_noise)
+    used = np.broadcast_to(measured, counts.shape).reshape(-1, shape[1])
+    total = np.where(used, counts.reshape(used.shape), 0.0).sum(axis=0)
+    dead = dead_cells(total, used.sum(axis=0), electronic_noise)
     if len(dead) < shape[1]:  # else the scan says it
         measured[:, dead] = False
     if not measured.all():

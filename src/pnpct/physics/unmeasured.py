@@ -36,22 +36,18 @@ def fill_along_detector(rays: Rays | ConeRays, measured: Bool[Tensor, "..."]) ->
     return torch.from_numpy(flat).reshape(rays.shape).to(rays)
 
 
-def dead_cells(counts: NDArray[np.floating], measured: NDArray[np.bool_], electronic_noise: float) -> NDArray[np.intp]:
-    """Return the numbers of the bins that counted nothing but electronic noise.
+def dead_cells(total: NDArray[np.float64], rays: NDArray[np.integer], electronic_noise: float) -> NDArray[np.intp]:
+    """Return the numbers of the cells that counted nothing but electronic noise.
 
     Their mean count is below three standard errors of that noise.
 
     Args:
-        counts: Quanta, (*batch, views, bins), with or without detector rows; any where not measured.
-        measured: Whether each ray was measured; broadcasts to the counts.
+        total: What each cell counted in all its measured rays, quanta.
+        rays: How many these are; cells without any are not named.
         electronic_noise: Standard deviation of the electronic noise of a count, quanta.
 
     Example:
-        >>> dead_cells(np.array([[9.0, 2.0, 0.0], [8.0, -2.0, 0.0]]), np.ones(3, bool), electronic_noise=2.0).tolist()
-        [1, 2]
+        >>> dead_cells(np.array([17.0, 0.0, 0.0, 9.0]), np.array([4, 4, 0, 4]), electronic_noise=2.0).tolist()
+        [1, 3]
     """
-    bins = counts.shape[-1]
-    used = np.broadcast_to(measured, counts.shape)
-    rays = used.reshape(-1, bins).sum(axis=0)
-    total = np.where(used, counts, 0.0).reshape(-1, bins).sum(axis=0, dtype=np.float64)
     return np.flatnonzero((rays > 0) & (total <= 3 * electronic_noise * np.sqrt(rays)))
