@@ -89,9 +89,15 @@ def test_fractions_of_hu_are_kept(tmp_path):
 
 
 def test_hu_beyond_16_bits_are_cut_off(tmp_path):
-    pixels = np.array([[65535, 1000]], dtype=np.uint16)
+    pixels = np.array([[20000, 1000]], dtype=np.int16)
+    series = read_dicom_series(save(tmp_path, dicom(0.0, pixels, RescaleSlope=2, RescaleIntercept=-1024)))
+    assert series.image_hu.tolist() == [[[32767, 976]]]
+
+
+def test_padding_that_lost_its_sign_and_its_tag_is_air(tmp_path):
+    pixels = np.array([[63536, 1064, 32767]], dtype=np.uint16)  # -2000 in two's complement
     series = read_dicom_series(save(tmp_path, dicom(0.0, pixels, RescaleIntercept=-1024)))
-    assert series.image_hu.tolist() == [[[32767, -24]]]
+    assert series.image_hu.tolist() == [[[-1000, 40, 31743]]]
 
 
 @pytest.mark.parametrize("syntax", [ExplicitVRLittleEndian, ImplicitVRLittleEndian])

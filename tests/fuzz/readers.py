@@ -5,7 +5,6 @@ import shutil
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import starmap
 from pathlib import Path
 from unittest.mock import patch
 
@@ -144,7 +143,9 @@ def make(folder: Path, comparison: Callable[[Path], object], dicom: Callable[...
     for name in ("image.h5", "image.nii", "image.nii.gz"):
         run("reconstruct {made}/scan.h5 {made}/" + name + " --method fbp")
     recipe = Recipe(("head",), cases=3, rows=1, tube_voltages_kvp=(120.0,), views=VIEWS, bins=BINS, size=SIZE)
-    with patch("pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: starmap(function, calls)):
+    with patch(
+        "pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: (function(*call) for call in calls)
+    ):
         list(simulate_dataset(folder / "set", recipe))
     shutil.copy(next((folder / "set" / "train").glob("*.h5")), folder / "slice.h5")
     with h5py.File(folder / "scan.h5") as file:

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from typing import Any
 
 from pnpct.cli.parsing import UsageError, parse
+from pnpct.cli.signals import ended_as_by_ctrl_c
 from pnpct.cli.terminal import complain, say
 
 COMMANDS = {
@@ -39,11 +40,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments after the program's name; those of this process if None.
 
     Returns:
-        The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C. An
-        exception that is raised from here is a bug.
+        The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C, SIGTERM
+        or SIGHUP. An exception that is raised from here is a bug.
     """
     try:
-        run(list(sys.argv[1:] if argv is None else argv))
+        with ended_as_by_ctrl_c():
+            run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
     except KeyboardInterrupt:
         complain("interrupted.")

@@ -6,6 +6,9 @@ from pathlib import Path
 from pnpct.files import read_truth
 from pnpct.geometry import Geometry, Grid, ImageGrid, VolumeGrid, require_fan_beam, require_image_grid
 
+_MOST_TIMES = 25
+"""How many times smaller or larger than what the fan sees an image is at most, where nobody insists."""
+
 
 def square_grid(size: int, field_of_view: float, *, center: tuple[float, float] = (0.0, 0.0)) -> ImageGrid:
     """Return a square grid.
@@ -32,6 +35,7 @@ def grid_for(
     size: int | None,
     field_of_view: float | None,
     center: tuple[float, ...] | None = None,
+    insist: bool = False,
 ) -> ImageGrid:
     """Return the grid for a reconstruction of one plane.
 
@@ -44,6 +48,7 @@ def grid_for(
         size: Rows and columns.
         field_of_view: Side of the square, mm.
         center: Its centre, mm.
+        insist: Whether a field of view is taken that looks like a mistake of units.
 
     Raises:
         OSError: If the scan cannot be read.
@@ -53,7 +58,7 @@ def grid_for(
         raise ValueError(f"--center is x and y in mm for a scan of one plane, got {len(center)} numbers.")
     known = read_truth(scan)
     geometry, truth = require_fan_beam(geometry), require_image_grid(known[1]) if known else None
-    return plane_for(truth, geometry, size=size, field_of_view=field_of_view, center=center)
+    return plane_for(truth, geometry, size=size, field_of_view=field_of_view, center=center, insist=insist)
 
 
 def plane_for(
@@ -63,6 +68,7 @@ def plane_for(
     size: int | None,
     field_of_view: float | None,
     center: tuple[float, ...] | None,
+    insist: bool = False,
 ) -> ImageGrid:
     """Return the pixels of a slice, as `grid_for` does.
 
@@ -72,6 +78,7 @@ def plane_for(
         size: Rows and columns.
         field_of_view: Side of the square, mm.
         center: Its centre x and y, mm; what follows them is not looked at.
+        insist: Whether a field of view is taken that looks like a mistake of units.
 
     Raises:
         ValueError: If a number is out of range.
@@ -81,8 +88,20 @@ def plane_for(
         return usual
     if center is not None and not 2 <= len(center) <= 3:
         raise ValueError(f"--center is x and y in mm, and z for a volume, got {len(center)} numbers.")
+    if field_of_view is not None and not insist:
+        _check_usual(field_of_view, 2 * geometry.field_of_view_radius)
     return square_grid(
         usual.cols if size is None else size,
         usual.cols * usual.spacing if field_of_view is None else field_of_view,
         center=usual.center if center is None else (center[0], center[1]),
     )
+
+
+def _check_usual(field_of_view: float, seen: float) -> None:
+    """Find the field of view that was given in another unit than mm."""
+    if 0 < field_of_view < seen / _MOST_TIMES or seen * _MOST_TIMES < field_of_view < float("inf"):
+        unit = "cm or m" if field_of_view < seen else "µm"
+        raise ValueError(
+            f"The field of view is {field_of_view:g} mm, where the fan sees {seen:.4g} mm: is it in {unit}? If it is "
+            "meant, insist on it (--insist)."
+        )

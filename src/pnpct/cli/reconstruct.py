@@ -15,7 +15,7 @@ from pnpct.cli.image_output import SeriesOptions, names_folder, source_of
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
 from pnpct.cli.slabs import volume_of_slabs
-from pnpct.cli.terminal import track, working
+from pnpct.cli.terminal import say, track, working
 from pnpct.cli.volume_options import VolumeOptions
 from pnpct.files import read_scan, read_scan_geometry, record_run
 from pnpct.geometry import ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
@@ -40,6 +40,7 @@ class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
         size: Rows and columns of the image.
         field_of_view: Width of the image, mm.
         center: Middle of the image, x and y in mm; of a volume perhaps z too.
+        insist: Take a field of view that looks like a mistake of units.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
@@ -48,6 +49,7 @@ class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
     size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
     field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan covers")] = None
     center: Annotated[tuple[float, ...] | None, option(default=f"{_OF_TRUTH} 0 0, and all slices")] = None
+    insist: bool = False
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
@@ -69,14 +71,25 @@ class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
         image, grid, settings = self._image(on_device(scan, device), method)
         provenance = record_run(command, inputs=[self.scan], settings={**settings, "device": device.type})
         self.finish_image(self.image, image, grid, provenance=provenance, source=source_of(self.scan))
+        for note in settings.get("notes", ()):
+            say(note)
 
     def _image(self, scan: Scan, method: Method) -> tuple[Image, ImageGrid, dict[str, Any]]:
-        grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view, center=self.center)
+        grid = grid_for(
+            self.scan,
+            scan.geometry,
+            size=self.size,
+            field_of_view=self.field_of_view,
+            center=self.center,
+            insist=self.insist,
+        )
         with working("Preparing"):
             projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
             sinogram = take_log(scan)
         made = method(sinogram, projector, progress=_shown)
         ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
+        if made.notes:
+            ended["notes"] = list(made.notes)
         return made.image, grid, {**made.settings, **ended, "grid": asdict(grid)}
 
     def _volume(
@@ -84,7 +97,9 @@ class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
     ) -> None:
         options = self.of_planes()
         planes = TiltedPlanes(geometry, options.get("rebinning", TiltedPlanes.rebinning))
-        grid = self.volume_grid(self.scan, planes, size=self.size, field_of_view=self.field_of_view, center=self.center)
+        grid = self.volume_grid(
+            self.scan, planes, size=self.size, field_of_view=self.field_of_view, center=self.center, insist=self.insist
+        )
         check_covered(planes, grid, self.thickness or 0.0)
         settings = {**method.settings, **options, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)

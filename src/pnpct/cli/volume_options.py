@@ -57,6 +57,7 @@ class VolumeOptions:
         size: int | None,
         field_of_view: float | None,
         center: tuple[float, ...] | None,
+        insist: bool = False,
     ) -> VolumeGrid:
         """Return the slices to reconstruct; what is not given is that of the truth, as far as the scan covers it.
 
@@ -66,6 +67,7 @@ class VolumeOptions:
             size: Rows and columns.
             field_of_view: Side of a slice, mm.
             center: Middle of the volume: x and y, mm, and perhaps z.
+            insist: Whether a field of view is taken that looks like a mistake of units.
 
         Raises:
             OSError: If the scan cannot be read.
@@ -74,7 +76,12 @@ class VolumeOptions:
         known = read_truth(scan)
         truth = known[1] if known and isinstance(known[1], VolumeGrid) else None
         plane = plane_for(
-            known[1] if known else None, planes.geometry, size=size, field_of_view=field_of_view, center=center
+            known[1] if known else None,
+            planes.geometry,
+            size=size,
+            field_of_view=field_of_view,
+            center=center,
+            insist=insist,
         )
         low, high = covered_slices(planes, plane, self.thickness or 0.0)
         z = center[2] if center is not None and len(center) == 3 else None

@@ -23,7 +23,7 @@ from pnpct.files.geometry_json import WrittenGeometry, read_geometry
 from pnpct.files.hdf5 import describe_file
 from pnpct.files.image_file import check_window, read_image, write_image
 from pnpct.files.image_series import ImageSeries, read_volume
-from pnpct.files.importers import scan_from_arrays
+from pnpct.files.importers import ImportedScan, import_arrays, scan_from_arrays
 from pnpct.files.manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
 from pnpct.files.named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names
 from pnpct.files.onnx_file import export_onnx
@@ -32,6 +32,7 @@ from pnpct.files.scan_file import FORMAT as SCAN
 from pnpct.files.scan_file import read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
 from pnpct.files.series_resampling import evenly_spaced
 from pnpct.files.slab_folder import SlabFolder
+from pnpct.files.sole_writer import sole_writer
 from pnpct.files.xcist_phantom import FractionMap, read_xcist_phantom, write_xcist_phantom
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "FileFormatError",
     "FractionMap",
     "ImageSeries",
+    "ImportedScan",
     "ListedScan",
     "Manifest",
     "Provenance",
@@ -60,6 +62,7 @@ __all__ = [
     "describe_file",
     "evenly_spaced",
     "export_onnx",
+    "import_arrays",
     "load_array",
     "load_denoiser",
     "load_network",
@@ -87,6 +90,7 @@ __all__ = [
     "scan_from_catsim",
     "series_of",
     "sha256_of",
+    "sole_writer",
     "taken_from_scan",
     "tube_voltages",
     "write_dicom_series",

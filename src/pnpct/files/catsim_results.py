@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from pnpct.files.catsim_settings import CatSimSettings, read_settings
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
-from pnpct.files.importers import as_float32, correction_of, counts_of
+from pnpct.files.importers import as_float32, correction_of
+from pnpct.files.measured_rays import counts_of
 from pnpct.geometry import Geometry
 from pnpct.physics import Scan
 from pnpct.units import MU_WATER_70_KEV

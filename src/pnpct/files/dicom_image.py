@@ -26,6 +26,9 @@ _KIND = ("SOPClassUID", "Modality", "ImageType", "SeriesInstanceUID", "NumberOfF
 # Words from fixed lists or about the machine only: free text may name the patient.
 _DESCRIPTION = ("BodyPartExamined", "Manufacturer", "ManufacturerModelName", "ConvolutionKernel", "KVP")
 _TAGS = (*_GEOMETRY, *_RESCALE, *_PADDING, *_KIND, *_DESCRIPTION, *FUNCTIONAL_GROUPS)
+_HIGHEST_HU = 31743
+"""The highest number of scanners, on their extended scale: 15 bits from -1024 HU on."""
+
 _DEFERRED_BYTES = 1024
 _STEEPEST = 0.75
 """Sine of the largest tilt of a gantry, and more: 49 degrees."""
@@ -266,6 +269,8 @@ def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
         # As the pixels are stored: some scanners write the padding of signed pixels without its sign.
         low, high = sorted(np.array(ends).astype(np.int64).astype(stored.dtype).tolist())
         hu[(stored >= low) & (stored <= high)] = AIR_HU
+    if stored.dtype.kind == "u":
+        hu[hu > _HIGHEST_HU] = AIR_HU  # padding below 0 that was stored without its sign, and without its tag
     if one.whole_numbers:
         hu = np.clip(hu, np.iinfo(np.int16).min, np.iinfo(np.int16).max).astype(np.int16)
     return tidy_hu(one.layout.upright(hu))

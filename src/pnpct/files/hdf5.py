@@ -91,7 +91,8 @@ def _check_format(file: h5py.File, formats: Sequence[str]) -> None:
     if not isinstance(found, str) or not isinstance(number, np.integer):
         raise FileFormatError("an HDF5 file, but not one of pnpct's (no root attributes format and format_version).")
     if formats and found not in formats:
-        raise FileFormatError(f'a file of the format "{found}" was given where "{" or ".join(formats)}" was needed.')
+        needed = " or ".join(formats)
+        raise FileFormatError(f'a file of the format "{found}" was given where "{needed}" was needed; choose another.')
     if number > FORMAT_VERSION:
         raise FileFormatError(
             f"its format version {number} is newer than the {FORMAT_VERSION} known here; update pnpct."

@@ -59,7 +59,7 @@ class ConeBeam:
         if self.source_to_detector <= self.source_to_isocenter:
             raise ValueError(
                 f"The detector must lie beyond the isocentre: source_to_detector is {self.source_to_detector} mm, "
-                f"source_to_isocenter {self.source_to_isocenter} mm."
+                f"source_to_isocenter {self.source_to_isocenter} mm; give both from the focal spot."
             )
         edges = self.fan_angle_edges
         if max(abs(edges[0]), abs(edges[-1])) >= math.pi / 2:

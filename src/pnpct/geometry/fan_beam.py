@@ -1,7 +1,8 @@
 """A focal spot, one row of detector cells, and the views they take of one plane."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypeAlias
 
@@ -138,6 +139,21 @@ class FanBeam:
     def grid(self, size: int = DEFAULT_SIZE) -> ImageGrid:
         """Return square pixels over the field of view of the fan, as `ConeBeam.grid` does."""
         return self.cone_beam.grid(size)
+
+    def widened(self, before: int, after: int) -> "FanBeam":
+        """Return the same views with more bins at both ends of the fan.
+
+        Args:
+            before: Bins before the first one, at least 0.
+            after: Bins after the last one, at least 0.
+        """
+        edges = self.fan_angle_edges
+        if self.detector == "arc":
+            middle = (edges[0] + edges[-1] + (after - before) * (edges[1] - edges[0])) / 2
+            offset = math.tan(middle) * self.source_to_detector / self.bin_width
+        else:
+            offset = self.detector_offset + (after - before) / 2
+        return replace(self, bins=self.bins + before + after, detector_offset=offset)
 
     def focal_spots(self) -> Points:
         """Return where the focal spot is in each view: (views, 2), mm."""

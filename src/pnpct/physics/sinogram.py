@@ -6,13 +6,14 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
 from pnpct.geometry import ConeBeam, Geometry
 from pnpct.physics.scan import Scan
+from pnpct.physics.unmeasured import fill_along_detector
 from pnpct.physics.weights import DiagonalWeights, Weights
 
 
@@ -66,6 +67,9 @@ def take_log(
     the fit. With a beam-hardening correction h, line integrals are h(y) and weights e/h′²; both stay on an
     absolute scale.
 
+    Rays that were not measured have the weight 0, and take no part in the smoothing. Their line integrals, which only
+    FBP uses, are interpolated along the detector.
+
     Args:
         scan: The scan.
         smoothing: Standard deviation of the Gaussian that gives l, in bins along the detector, and along the
@@ -100,10 +104,11 @@ def take_log(
             raise ValueError(f"{name} must be finite and not negative, got {value}.")
     if weight not in ("statistical", "uniform"):
         raise ValueError(f'The weight is "statistical" or "uniform", got "{weight}".')
-    counts, incident = scan.counts, scan.incident.to(scan.counts)
+    measured = scan.measured.to(scan.counts.device)
+    counts, incident = scan.counts, scan.incident.to(scan.counts).where(measured, 1.0)
     floor = max(1.0, scan.electronic_noise)
     # Transmissions are smoothed, not counts: tube current and bow-tie filter may change from ray to ray.
-    smooth = incident * _smooth(counts / incident, scan.geometry, smoothing)
+    smooth = incident * _smooth(counts / incident, scan.geometry, smoothing, measured)
     equivalent = _noise_equivalent(smooth, scan.electronic_noise)
     above = smooth.clamp_min(floor)
     tangent = above.log() + (counts - above) / above
@@ -113,6 +118,8 @@ def take_log(
         slope = scan.beam_hardening.slope((incident / above).log())
         line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
     values = equivalent if weight == "statistical" else torch.ones_like(counts)
+    if not bool(measured.all()):
+        line_integrals, values = fill_along_detector(line_integrals, measured), values.where(measured, 0.0)
     return Sinogram(line_integrals, DiagonalWeights(values, scan.geometry.shape))
 
 
@@ -127,20 +134,34 @@ def _extended_log(counts: Tensor, start: float) -> Tensor:
     return counts.clamp_min(start).log() + (counts / start - 1).clamp_max(0.0)
 
 
-def _smooth(transmission: Rays | ConeRays, geometry: Geometry, smoothing: float) -> Rays | ConeRays:
-    """Gaussian means over neighbours; as matrices, so that views may come in any order and with gaps."""
+def _smooth(
+    transmission: Rays | ConeRays, geometry: Geometry, smoothing: float, measured: Bool[Tensor, "..."]
+) -> Rays | ConeRays:
+    """Gaussian means over measured neighbours; as matrices, so that views may come in any order and with gaps."""
     if smoothing == 0:
         return transmission
     over_bins = _neighbours(geometry.bins, smoothing, transmission)
     if isinstance(geometry, ConeBeam):
-        return _neighbours(geometry.rows, smoothing, transmission) @ transmission @ over_bins.T
+        over_rows = _neighbours(geometry.rows, smoothing, transmission)
+        return _means(over_rows, transmission, over_bins, measured)
     angles = np.asarray(geometry.view_angles)
     apart = (angles[:, None] - angles + np.pi) % (2 * np.pi) - np.pi
     steps = np.diff(np.unique((angles % (2 * np.pi)).round(9)))
     step = float(np.median(steps)) if steps.size else math.inf
     # Few views are far apart: their neighbours see something else, and would blur the object.
     step = min(step, geometry.bin_width_at_isocenter / (geometry.field_of_view_radius / 2))
-    return _gaussian(apart / (smoothing * step), transmission) @ transmission @ over_bins.T
+    over_views = _gaussian(apart / (smoothing * step), transmission)
+    return _means(over_views, transmission, over_bins, measured)
+
+
+def _means(
+    down: Float[Tensor, "r r"], rays: Rays | ConeRays, across: Float[Tensor, "c c"], measured: Bool[Tensor, "..."]
+) -> Rays | ConeRays:
+    """Weighted means along the last two axes, of the rays that were measured."""
+    if bool(measured.all()):
+        return down @ rays @ across.T
+    shares = down @ measured.to(rays).expand(rays.shape) @ across.T
+    return (down @ rays.where(measured, 0.0) @ across.T) / shares.clamp_min(torch.finfo(rays.dtype).tiny)
 
 
 def _neighbours(count: int, smoothing: float, like: Tensor) -> Float[Tensor, "n n"]:

@@ -10,13 +10,13 @@ from pnpct.reconstruction.methods import (
     Method,
     PlugAndPlay,
     Progress,
-    Reconstruction,
     ResultName,
     denoiser_settings,
     reconstruct,
 )
 from pnpct.reconstruction.normal_equations import beta_from_sigma_v, mean_diagonal, sigma_v_from_beta
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
+from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until

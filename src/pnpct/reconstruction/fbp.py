@@ -1,6 +1,5 @@
 """Filtered back-projection of a fan beam, for any set of views."""
 
-import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -101,11 +100,4 @@ def _with_both_sides(geometry: FanBeam) -> tuple[FanBeam, tuple[int, int]]:
     if missing <= 1:  # a quarter-detector offset
         return geometry, (0, 0)
     before, after = (missing, 0) if low < high else (0, missing)
-    if geometry.detector == "arc":
-        pitch = geometry.fan_angle_edges[1] - geometry.fan_angle_edges[0]
-        middle = (geometry.fan_angle_edges[0] + geometry.fan_angle_edges[-1] + (after - before) * pitch) / 2
-        offset = math.tan(middle) * geometry.source_to_detector / geometry.bin_width
-    else:
-        offset = geometry.detector_offset + (after - before) / 2
-    wide = replace(geometry, bins=geometry.bins + missing, detector_offset=offset)
-    return wide, (before, after)
+    return geometry.widened(before, after), (before, after)

@@ -5,7 +5,7 @@ user's three lines of Python read them here, and give the same image.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import torch
@@ -17,9 +17,11 @@ from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, beta_from_sigma_v, sigma_v_from_beta
 from pnpct.reconstruction.pnp_admm import BETA, ADMMState, pnp_admm
+from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import RuleName, until
+from pnpct.reconstruction.whole_object import beyond_fan, beyond_image
 
 ITERATIONS = 20
 
@@ -32,23 +34,6 @@ ResultName: TypeAlias = Literal["last", "mean"]
 
 Progress: TypeAlias = Callable[[Iterator[ADMMState], int], Iterable[ADMMState]]
 """From the iterates of a method, and their maximum number, to the same iterates, displayed or recorded as they pass."""
-
-
-@dataclass(frozen=True, eq=False)
-class Reconstruction:
-    """An image, and how it was made.
-
-    Args:
-        image: The image, relative to water.
-        settings: All that it depends on besides the data, as plain values.
-        iterations: How many iterations were done; 0 where there are none.
-        stopped_by: What ended them: the name of a rule, or "iterations"; empty where there are none.
-    """
-
-    image: Image
-    settings: Mapping[str, Any]
-    iterations: int = 0
-    stopped_by: str = ""
 
 
 @runtime_checkable
@@ -88,7 +73,9 @@ class FBP:
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
-        return Reconstruction(fbp(sinogram.line_integrals, A, kernel=self.kernel), self.settings)
+        whole = beyond_fan(sinogram, A)
+        image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
+        return Reconstruction(image, self.settings, notes=whole.notes)
 
 
 @dataclass(frozen=True)
@@ -111,8 +98,8 @@ class DenoisedFBP:
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
-        image = fbp(sinogram.line_integrals, A, kernel=self.kernel)
-        return Reconstruction(self.denoise(image), self.settings)
+        made = FBP(self.kernel)(sinogram, A)
+        return replace(made, image=self.denoise(made.image), settings=self.settings)
 
 
 @dataclass(frozen=True)
@@ -155,10 +142,12 @@ class TVPWLS:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
+        whole = beyond_image(beyond_fan(sinogram, A))
+        sinogram, A = whole.sinogram, whole.A
         start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
         states = until(self.states(sinogram, A, start), start, A, iterations=self.iterations, stop=self.stop)
         image, done = _image_of(progress(states, self.iterations), "last")
-        return Reconstruction(image, self.settings, done, _stopped_by(self, done))
+        return Reconstruction(whole.cut_out(image), self.settings, done, _stopped_by(self, done), whole.notes)
 
 
 @dataclass(frozen=True)
@@ -228,12 +217,14 @@ class PlugAndPlay:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
+        whole = beyond_image(beyond_fan(sinogram, A))
+        sinogram, A = whole.sinogram, whole.A
         beta = self._beta(sinogram, A)
         start = starting_state(sinogram, A)
         states = until(self.states(sinogram, A, start), start, A, iterations=self.iterations, stop=self.stop)
         image, done = _image_of(progress(states, self.iterations), self._suited()[1])
-        penalty = {"beta": beta, "sigma_v_hu": sigma_v_from_beta(beta, sinogram, A)}
-        return Reconstruction(image, {**self.settings, **penalty}, done, _stopped_by(self, done))
+        settings = {**self.settings, "beta": beta, "sigma_v_hu": sigma_v_from_beta(beta, sinogram, A)}
+        return Reconstruction(whole.cut_out(image), settings, done, _stopped_by(self, done), whole.notes)
 
     def _suited(self) -> tuple[float, ResultName]:
         """Damping and result: what suits the denoiser, where not set."""
