@@ -213,11 +213,11 @@ def test_until_stops_by_rule_or_by_count(sinogram, A, start):
     assert paper_rule(stopped[-2], stopped[-1], A.domain_dims)
 
 
-@pytest.mark.parametrize("damping", [0.25, 0.5, 1.0])
+@pytest.mark.parametrize("damping", [0.25, 1.0])
 def test_damped_x_and_v_are_held_together_by_the_penalty_over_the_damping(sinogram, A, start, damping):
     """In the limit ½ ‖A x − y‖²_W + λ R(v) + β / (2 damping) ‖x − v‖² is least: its gradient in x is zero."""
     states = pnp_admm(sinogram, A, TotalVariation(0.05), start, damping=damping)
-    limit = next(itertools.islice(states, 200, None))
+    limit = next(itertools.islice(states, 100, None))
     pulled = A.T(sinogram.weights(A(limit.x) - sinogram.line_integrals)) / mean_diagonal(sinogram, A)
     held = (limit.x - limit.v) / damping
     assert rms_hu(held) > 5.0
