@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -61,7 +62,8 @@ def side_by_side(
         OSError: If a process dies.
     """
     with worker_processes(processes) as pool:
-        jobs = [pool.submit(function, *call) for call in calls]
+        with _held_back_signals():  # while the processes are started
+            jobs = [pool.submit(function, *call) for call in calls]
         try:
             for job in as_completed(jobs):
                 yield job.result()
@@ -74,14 +76,26 @@ def side_by_side(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
+@contextmanager
+def _held_back_signals() -> Iterator[None]:
+    """Let signals wait until the block has ended; processes that are started in it go on without them."""
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin_work(threads: int) -> None:
     """Prepare a worker, which ends when the process that wants its work is gone, however that has ended.
 
     Ctrl-C and the end of a terminal reach all processes; the one that wants the work answers for all.
     """
     torch.set_num_threads(threads)
-    for name in ("SIGINT", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     if parent := multiprocessing.parent_process():
         threading.Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()
