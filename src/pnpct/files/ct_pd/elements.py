@@ -4,7 +4,6 @@ A file in explicit VR says how its values are written; one in implicit VR, as th
 and the dictionary has to. The private creators say nothing that is needed, and differ.
 """
 
-import struct
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -13,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydicom import FileDataset, dcmread
 from pydicom.dataelem import RawDataElement
-from pydicom.errors import BytesLengthException, InvalidDicomError
+from pydicom.errors import InvalidDicomError
 
+from pnpct.files.dicom_image import DAMAGE
 from pnpct.files.errors import FileFormatError
 
 _FLOAT, _WHOLE, _TEXT = "<f4", "<u2", ""
@@ -63,18 +63,6 @@ ELEMENTS = {
 
 PIXELS = 0x7FE00010
 _TYPES = {"FL": "<f4", "FD": "<f8", "US": "<u2", "SS": "<i2", "UL": "<u4", "SL": "<i4"}
-_DAMAGE = (
-    AttributeError,
-    BytesLengthException,
-    EOFError,
-    KeyError,
-    NotImplementedError,
-    OverflowError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
 
 
 @dataclass(frozen=True)
@@ -171,7 +159,9 @@ def read_elements(path: Path, *, pixels: bytes | None = None) -> Elements | None
         return Elements(path, dcmread(path, stop_before_pixels=True, specific_tags=_TAGS))
     except InvalidDicomError:
         return None
-    except _DAMAGE as error:
+    except OSError:
+        raise
+    except DAMAGE as error:
         raise FileFormatError(f"{path}: this is not a complete DICOM file ({' '.join(str(error).split())}).") from error
 
 
