@@ -1,21 +1,23 @@
 """The scans that the benchmarks reconstruct; they are not part of the project.
 
-PNPCT_TEST_DATA names their folder: `catsim/chest`, a chest through CatSim, and `htc2022`, a measured scan of the
-Helsinki Tomography Challenge.
+PNPCT_TEST_DATA names their folder: `catsim/chest`, a chest through CatSim, `volumes`, another one scanned with 32
+detector rows, and `htc2022`, a measured scan of the Helsinki Tomography Challenge.
 """
 
 import json
 import os
+import runpy
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
-from pnpct.arrays import Image
+from pnpct.arrays import ConeRays, Image
 from pnpct.files import scan_from_arrays
-from pnpct.geometry import ImageGrid
-from pnpct.physics import Scan
+from pnpct.geometry import ConeBeam, Detector, ImageGrid, Trajectory, VolumeGrid
+from pnpct.physics import BeamHardening, Scan
 
 FOLDER = Path(os.environ.get("PNPCT_TEST_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
@@ -48,6 +50,76 @@ def chest(name: str, tube_current_ma: float) -> Reference:
     )
     image = torch.from_numpy(truth["mu"] / float(truth["mu_water"])).float()
     return Reference(scan, ImageGrid(512, 512, spacing=float(truth["fov_mm"]) / 512), image)
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceCone:
+    """A scan of several detector rows without noise, its object, and how its noise is drawn.
+
+    Args:
+        line_integrals: At one energy.
+        geometry: Where the rays are.
+        mu_water: Attenuation of water at that energy, 1/mm.
+        truth_hu: The object: (slices, rows, cols).
+        grid: Where its pixels are.
+        content: All that the file holds.
+        reader: The functions that read it.
+    """
+
+    line_integrals: ConeRays
+    geometry: ConeBeam
+    mu_water: float
+    truth_hu: np.ndarray
+    grid: VolumeGrid
+    content: dict[str, Any]
+    reader: dict[str, Any]
+
+    def scan(self, tube_current_ma: float, seed: int) -> Scan:
+        """Draw the polychromatic scan of a tube current, with the water correction that goes with it."""
+        content, rng = self.content, np.random.default_rng(seed)
+        quantum = content["air_S2"] / content["air_S1"]
+        share = tube_current_ma * float(content["rotation_s"]) / int(content["views_per_turn"])
+        incident = torch.from_numpy(content["air_S1"] / quantum * share).float()
+        draw = self.reader["line_integrals"]
+        counts = torch.empty(self.geometry.shape)
+        for view in range(self.geometry.views):
+            counts[view] = incident * torch.from_numpy(-draw(content, view, tube_current_ma, rng)).exp()
+        return Scan(
+            counts=counts,
+            incident=incident,
+            electronic_noise=float((content["electronic_noise_kev"] / quantum).mean()),
+            geometry=self.geometry,
+            mu_water=self.mu_water,
+            beam_hardening=BeamHardening(torch.from_numpy(content["water_correction"]).float()),
+        )
+
+
+def chest_rows(name: str) -> ReferenceCone:
+    """Read the chest of 32 detector rows: "helical" or "axial"."""
+    folder = FOLDER / "volumes"
+    reader = runpy.run_path(str(folder / "read_scan.py"))
+    content = reader["read"](folder / f"chest_{name}.h5")
+    lengths = {key: float(content[key]) for key in ("column_mm", "column_offset", "row_mm", "row_offset", "sid", "sdd")}
+    detector = Detector(
+        bins=int(content["columns"]),
+        bin_width=lengths["column_mm"],
+        offset=lengths["column_offset"],
+        rows=int(content["rows"]),
+        row_height=lengths["row_mm"],
+        row_offset=lengths["row_offset"],
+    )
+    geometry = ConeBeam(Trajectory(content["beta"], content["z"]), detector, lengths["sid"], lengths["sdd"])
+    z, truth_hu = content["truth_z"], content["truth_hu"]
+    plane = ImageGrid(*truth_hu.shape[1:], spacing=float(content["truth_pixel_mm"]))
+    return ReferenceCone(
+        line_integrals=torch.from_numpy(content["mono"]).float(),
+        geometry=geometry,
+        mu_water=float(content["mu_water"]),
+        truth_hu=truth_hu,
+        grid=VolumeGrid(plane, len(z), float(np.diff(z).mean()), float(z.mean())),
+        content=content,
+        reader=reader,
+    )
 
 
 def helsinki() -> Reference:

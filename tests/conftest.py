@@ -1,7 +1,6 @@
 """One small world for all tests."""
 
 import os
-from itertools import starmap
 from pathlib import Path
 
 import pytest
@@ -59,7 +58,8 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("patients") / "set"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: starmap(function, calls)
+            "pnpct.simulation.dataset.side_by_side",
+            lambda function, calls, processes: (function(*call) for call in calls),
         )
         list(simulate_dataset(folder, recipe))
     return folder

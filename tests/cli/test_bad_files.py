@@ -30,7 +30,8 @@ AGAINST = "evaluate {made}/image.h5 {here}/bad.h5 {here}/out.json"
 IMPORTING = [
     Case("transposed counts", BAD_ARRAY, "(100, 60) 60 views 100 bins transpose", with_counts(np.transpose)),
     Case("counts of another shape", BAD_ARRAY, "(60, 80) 60 views 100 bins", with_counts(lambda a: a[:, :80])),
-    Case("counts with NaN", BAD_ARRAY, "bad.npy not finite", with_counts(lambda a: np.where(a > 5e3, np.nan, a))),
+    Case("counts with infinity", BAD_ARRAY, "bad.npy not finite", with_counts(lambda a: np.where(a > 5e3, np.inf, a))),
+    Case("counts that are all NaN", BAD_ARRAY, "No ray was measured", with_counts(lambda a: a * np.nan)),
     Case("negative counts", BAD_ARRAY, "lowest count -1000", with_counts(lambda a: a - a.min() - 1000)),
     Case("counts as line integrals", ARRAYS + " --kind line-integrals", "no line integral counts"),
     Case("no array", BAD_ARRAY, "There is no file bad.npy"),
@@ -44,9 +45,10 @@ IMPORTING = [
     Case("missing keys", BAD_GEOMETRY, "bad.json missing keys bin_width_mm", with_geometry(drop="bin_width_mm")),
     Case("detector too near", BAD_GEOMETRY, "beyond the isocentre 500", with_geometry(source_to_detector_mm=500)),
     Case("a bin width in metres", BAD_GEOMETRY, "90 degrees mm", with_geometry(bin_width_mm=1000)),
-    Case("no incident counts", ARRAYS.split(" --incident")[0], "missing --incident"),
+    Case("no incident counts", ARRAYS.split(" --incident")[0], "Counts need their incident counts"),
     Case("incident of 0", ARRAYS.replace("{made}/incident.npy", "0"), "incident counts positive"),
     Case("mu_water of 0", ARRAYS + " --mu-water 0", "mu_water positive 1/mm"),
+    Case("mu_water in 1/cm", ARRAYS + " --mu-water 0.19", "0.19/mm usual 1/cm --insist"),
     Case("negative noise", ARRAYS + " --electronic-noise -1", "electronic_noise not negative -1"),
     Case("a quantum of 0", ARRAYS + " --signal-per-quantum 0", "signal_per_quantum positive"),
     Case(

@@ -7,14 +7,13 @@ import signal
 import subprocess
 import sys
 from dataclasses import fields
-from importlib import import_module
 from pathlib import Path
 from typing import get_args, get_type_hints
 
 import pytest
 from mistakes import contents
 
-from pnpct.cli.app import COMMANDS
+from pnpct.cli.app import COMMANDS, class_of
 from pnpct.cli.denoiser_options import DENOISER_OPTIONS
 from pnpct.cli.options import MethodOptions
 from pnpct.denoisers import DENOISERS
@@ -29,7 +28,7 @@ def test_the_overview_says_what_there_is(words, run):
     status, out, err = run(*words)
     assert (status, err) == (0, "")
     shown = [command for command in COMMANDS if not words or words[0] not in GROUPS or command.startswith(words[0])]
-    assert all(f"  {command:16} {COMMANDS[command]}" in out for command in shown)
+    assert all(f"  {command:18} {COMMANDS[command]}" in out for command in shown)
 
 
 def test_the_version_is_that_of_the_package(run):
@@ -51,8 +50,7 @@ def test_the_help_of_a_command_names_each_option_and_its_default(command, run, m
     monkeypatch.setenv("COLUMNS", "200")
     status, out, err = run(*command.split(), "--help")
     assert (status, err) == (0, "")
-    module = import_module(f"pnpct.cli.{command.replace(' ', '_')}")
-    chosen = getattr(module, command.title().replace(" ", ""))
+    chosen = class_of(command)
     assert chosen.__doc__.splitlines()[0] in out
     text = " ".join(re.sub("[│╭╮╰╯]", " ", out).split())
     options = [field for field in fields(chosen) if field.name != "phantoms"]  # which Python alone chooses

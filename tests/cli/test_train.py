@@ -197,7 +197,7 @@ def test_what_cannot_be_is_one_sentence(dataset: Path, tmp_path: Path, run, word
 def test_what_is_not_a_data_set_is_refused(tmp_path: Path, run) -> None:
     status, _, err = run("train", tmp_path, tmp_path / "a.safetensors")
     assert status == 2
-    assert "manifest.json" in err
+    assert "holds no data set; make one by pnpct simulate dataset" in err
 
 
 @pytest.mark.parametrize("name", METHODS)

@@ -1,13 +1,12 @@
-"""Volumes and scans of several detector rows at the command line."""
+"""Volumes at the command line."""
 
 import json
 
 import pytest
 import torch
 
-from pnpct.files import Provenance, read_image, write_image, write_scan
-from pnpct.geometry import ConeBeam, Detector, ImageGrid, Trajectory, VolumeGrid
-from pnpct.physics import Scan
+from pnpct.files import Provenance, read_image, write_image
+from pnpct.geometry import ImageGrid, VolumeGrid
 
 PLANE = ImageGrid(24, 24, spacing=8.0)
 STACK = VolumeGrid(PLANE, slices=3, slice_spacing=2.5, z=-30.0)
@@ -62,24 +61,3 @@ def test_volumes_elsewhere_are_not_compared(run, saved, grid, words):
     assert status == 2
     assert words in err
     assert err.endswith("; reconstruct on its grid.\n")
-
-
-def test_what_is_two_dimensional_asks_for_a_fan_beam(run, tmp_path):
-    geometry = ConeBeam(
-        Trajectory([0.1 * view for view in range(60)], z=[0.2 * view for view in range(60)]),
-        Detector(bins=32, bin_width=16.0, rows=4, row_height=1.1),
-        source_to_isocenter=541.0,
-        source_to_detector=949.0,
-    )
-    scan = Scan(torch.full(geometry.shape, 500.0), torch.tensor(1000.0), 0.0, geometry, mu_water=0.0193)
-    write_scan(tmp_path / "scan.h5", scan, provenance=PROVENANCE)
-    status, out, _ = run("info", tmp_path / "scan.h5")
-    assert status == 0
-    assert "60 x 4 x 32, float32" in out
-    assert "detector_rows: 4" in out
-    for method in ("fbp", "tv", "pnp"):
-        status, out, err = run("reconstruct", tmp_path / "scan.h5", tmp_path / "image.h5", "--method", method)
-        assert (status, out) == (2, "")
-        assert err.startswith("pnpct: A fan beam is needed, with one detector row in one plane, but this scan is")
-        assert err.count("\n") == 1
-    assert not (tmp_path / "image.h5").exists()

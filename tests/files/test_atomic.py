@@ -5,7 +5,7 @@ import signal
 import pytest
 import torch
 
-from pnpct.files import Provenance, atomic_path, write_image
+from pnpct.files import Provenance, atomic_folder, atomic_path, write_image
 from pnpct.geometry import ImageGrid
 
 resource = pytest.importorskip("resource", reason="this system has no limits to set")
@@ -123,3 +123,26 @@ def test_running_out_of_room_ends_in_that_sentence(tmp_path, generator, little_r
     with pytest.raises(OSError, match=f"^{path} was not written: the disk is full"):
         write_image(path, image, ImageGrid(200, 200, 1.0), provenance=Provenance(["pnpct"], "0.1.0"))
     assert list(tmp_path.iterdir()) == []
+
+
+def fill(folder, **sizes: int):
+    with atomic_folder(folder) as temporary:
+        for name, size in sizes.items():
+            (temporary / name).write_bytes(bytes(size))
+
+
+@pytest.mark.parametrize("older", [False, True])
+def test_a_full_disk_leaves_the_old_folder_or_none(tmp_path, little_room, older):
+    if older:
+        fill(tmp_path / "series", old=10)
+    with pytest.raises(OSError, match="series was not written: the disk is full, or a limit is reached"):
+        fill(tmp_path / "series", first=10, second=30_000)
+    assert [path.name for path in sorted(tmp_path.rglob("*"))] == (["series", "old"] if older else [])
+
+
+def test_a_folder_replaces_a_folder_as_a_whole(tmp_path):
+    fill(tmp_path / "series", old=10)
+    fill(tmp_path / "series", new=10)
+    assert [path.name for path in sorted(tmp_path.rglob("*"))] == ["series", "new"]
+    with pytest.raises(FileNotFoundError, match="make it first"):
+        fill(tmp_path / "absent" / "series", new=10)

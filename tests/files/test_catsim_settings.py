@@ -155,7 +155,6 @@ def test_rows_may_have_their_own_gain_and_noise_may_be_off(configured):
         ),
         ('scanner.detectionCallback = "Detection_PC"', "scanner.detectionCallback is 'Detection_PC'"),
         ("scanner.detectorColsPerMod = 16", "scanner.detectorColsPerMod is 16, but only scans with 1"),
-        ("protocol.tableSpeed = 40", "protocol.tableSpeed is 40"),
         ("protocol.tiltAngle = 5", "protocol.tiltAngle is 5"),
         ("protocol.rotationDirection = 2", "protocol.rotationDirection must be 1 or -1"),
         ("protocol.viewCount = 1e18", "at most 1000000 views"),

@@ -6,7 +6,16 @@ import h5py
 import pytest
 import torch
 
-from pnpct.files import Provenance, read_scan, read_truth, write_scan
+from pnpct.files import (
+    FileFormatError,
+    Provenance,
+    describe_file,
+    read_scan,
+    read_scan_geometry,
+    read_truth,
+    write_scan,
+    write_scan_slabs,
+)
 from pnpct.geometry import ConeBeam, Detector, ImageGrid, Trajectory, VolumeGrid
 from pnpct.physics import Scan
 
@@ -61,3 +70,52 @@ def test_the_truth_of_a_volume_comes_back_with_its_grid(tmp_path, generator):
     image, read_grid = read_truth(tmp_path / "scan.h5")
     assert torch.equal(image, truth)
     assert read_grid == grid
+
+
+def numbered(geometry: ConeBeam, generator: torch.Generator, incident: torch.Tensor) -> Scan:
+    return replace(cone_scan(geometry, generator), incident=incident)
+
+
+@pytest.mark.parametrize("shape", [(), (4,), (3, 1), (1, 1, 4), (6, 1, 4), (6, 1, 1), (6, 3, 4)], ids=str)
+def test_slabs_of_views_are_written_and_read_as_the_whole(tmp_path, generator, shape):
+    whole = numbered(HELIX, generator, 1000.0 + torch.rand(shape, generator=generator))
+    write_scan(tmp_path / "whole.h5", whole, provenance=PROVENANCE)
+    slabs = (whole[first : first + 2] for first in range(0, 6, 2))
+    write_scan_slabs(tmp_path / "slabs.h5", HELIX, slabs, provenance=lambda: PROVENANCE)
+    assert describe_file(tmp_path / "slabs.h5") == describe_file(tmp_path / "whole.h5")
+    for views in (slice(1, 3), slice(0, 6, 4), slice(5, 6), slice(None)):
+        read, cut = read_scan(tmp_path / "slabs.h5", views=views), whole[views]
+        assert read.geometry == cut.geometry
+        assert torch.equal(read.counts, cut.counts)
+        assert torch.equal(read.incident, cut.incident)
+
+
+def test_the_geometry_is_read_without_the_counts(tmp_path, generator):
+    write_scan(tmp_path / "scan.h5", cone_scan(HELIX, generator), provenance=PROVENANCE)
+    with h5py.File(tmp_path / "scan.h5", "r+") as file:
+        del file["counts"]
+    assert read_scan_geometry(tmp_path / "scan.h5") == HELIX
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda slabs: slabs[:2], "the slabs must have all 6 views, got 4"),
+        (lambda slabs: [slabs[1], slabs[0], slabs[2]], "slab of the views 0 to 1 was needed"),
+        (lambda slabs: [*slabs, slabs[0]], "slab of the views 6 to 7 was needed"),
+        (lambda slabs: [slabs[0], replace(slabs[1], mu_water=0.02), slabs[2]], "must agree in all but their views"),
+        (lambda slabs: [slabs[0], replace(slabs[1], incident=torch.tensor(7.0)), slabs[2]], "must agree in all but"),
+    ],
+)
+def test_slabs_that_are_not_one_scan_leave_nothing_behind(tmp_path, generator, change, message):
+    whole = cone_scan(HELIX, generator)
+    slabs = change([whole[first : first + 2] for first in range(0, 6, 2)])
+    with pytest.raises(ValueError, match=f"(?i){message}"):
+        write_scan_slabs(tmp_path / "scan.h5", HELIX, slabs, provenance=PROVENANCE)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_view_is_no_scan(tmp_path, generator):
+    write_scan(tmp_path / "scan.h5", cone_scan(HELIX, generator), provenance=PROVENANCE)
+    with pytest.raises(FileFormatError, match="none of the views 6 to 8 is among its 6"):
+        read_scan(tmp_path / "scan.h5", views=slice(6, 9))

@@ -115,8 +115,8 @@ def test_the_chest_scan_has_the_fan_angles_that_its_file_says(shared_data):
     [
         ({"bin_width": 1.0}, "unknown keys: bin_width; known are bin_direction, bin_width_mm, bins"),
         ({"SID": 1, "fov": 2}, "unknown keys: SID, fov;"),
-        ({"bins": None}, "missing keys: bins."),
-        ({"bins": None, "bin_width_mm": None}, "missing keys: bin_width_mm, bins."),
+        ({"bins": None}, "missing keys: bins; add them."),
+        ({"bins": None, "bin_width_mm": None}, "missing keys: bin_width_mm, bins; add them."),
         ({"views": None}, "one of view_angles_deg, view_angles_rad, views is needed, got none"),
         ({"view_angles_rad": [0]}, "got view_angles_rad and views"),
         (

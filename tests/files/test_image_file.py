@@ -131,7 +131,7 @@ def test_two_dimensions_from_elsewhere_are_an_image(tmp_path, third):
 
 def test_one_time_of_four_dimensions_is_a_volume(tmp_path):
     affine = np.array([[2.0, 0, 0, 0], [0, 2.0, 0, 0], [0, 0, 3.0, 21.0], [0, 0, 0, 1]])
-    nib.save(nib.Nifti1Image(np.zeros((4, 4, 2, 1), np.float32), affine), tmp_path / "four.nii")
+    nib.save(nib.Nifti1Image(np.full((4, 4, 2, 1), 40, np.float32), affine), tmp_path / "four.nii")
     image, grid = read_image(tmp_path / "four.nii")
     assert image.shape == (2, 4, 4)
     assert (grid.slice_spacing, grid.heights.tolist()) == (3.0, [21.0, 24.0])

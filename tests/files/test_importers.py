@@ -112,14 +112,15 @@ def test_everything_may_come_from_files(tmp_path, line_integrals):
             "The array has the shape (3, 5), but the geometry has 3 views and 4 bins; correct one",
         ),
         (np.ones(4), {}, "The array has the shape (4,)"),
-        (np.full((3, 4), np.nan), {}, "must hold finite real numbers, got float64 of (3, 4)"),
+        (np.full((3, 4), np.inf), {}, "must hold finite real numbers, got float64 of (3, 4)"),
+        (np.full((3, 4), np.nan), {}, "No ray was measured"),
         (np.ones((3, 4), complex), {}, "must hold finite real numbers, got complex128"),
         (
             np.full((3, 4), 3e4),
             {},
             "holds values as large as 30000, no line integral; if these are counts, set kind to counts",
         ),
-        (np.ones((3, 4)), {"incident": 0.0}, "The incident counts must be positive and finite, got 0.0"),
+        (np.ones((3, 4)), {"incident": 0.0}, "The incident counts must be positive and finite, or 0 where a ray"),
         (np.ones((3, 4)), {"incident": float("nan")}, "The incident counts must be positive and finite"),
         (np.ones((3, 4)), {"incident": np.ones(3)}, "of the shape (4,), (3, 1) or (3, 4), got (3,)"),
         (

@@ -250,15 +250,16 @@ def of_zip(path: Path, chance: random.Random) -> str:
 def of_dicom(path: Path, chance: random.Random) -> str:
     """Change an element of an image."""
     image = dcmread(path)
-    name = chance.choice([element.keyword for element in image])
+    element = chance.choice(list(image))
     value = chance.choice(("", "0", "-1", "1", "99999999", "1e300", "nan", "1\\2", "words", "1.2.3.9", None))
-    element = image[name]
     if value is None:
-        del image[name]
+        del image[element.tag]
     elif element.VR in ("US", "SS", "UL"):
         element._value = chance.choice((0, 1, 2, 7, 65535))
     elif element.VR in ("OW", "OB"):
         element._value = element.value[: chance.choice((0, 2, 10))]
+    elif element.VR == "UN":  # private: floats, whole numbers or words
+        element._value = chance.choice((b"", bytes(4), b"\xff" * 4, b"\0\0\x80\x7f", b"NO", b"\1\0", 9 * element.value))
     else:
         element._value = value
     content = path.read_bytes()
@@ -267,7 +268,7 @@ def of_dicom(path: Path, chance: random.Random) -> str:
     except Exception:  # pydicom does not write everything that it reads
         path.write_bytes(content)
         return of_bytes(path, chance)
-    return f"{name} becomes {value}"
+    return f"{element.keyword or element.tag} becomes {value}"
 
 
 def of_torch(path: Path, chance: random.Random) -> str:

@@ -5,13 +5,13 @@ import shutil
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import starmap
 from pathlib import Path
 from unittest.mock import patch
 
 import h5py
 import mutations
 import numpy as np
+from ct_pd_views import write_folder
 from mutations import Mutate
 
 from pnpct.cli import main
@@ -104,6 +104,12 @@ READERS = {
         "import catsim {here}/raw {here}/out/s.h5 --configuration {here}/raw.cfg",
     ),
     "dicom": reader("series", "simulate scan {here}/out/s.h5 --body {here}/series " + SCAN),
+    "ct-pd": reader("views", "import dicom-ct-pd {here}/views {here}/out/s.h5"),
+    "dicom-series": reader(
+        "series",
+        "denoise {here}/series {here}/out/series --denoiser gaussian",
+        "denoise {here}/series {here}/out/i.nii --denoiser gaussian",
+    ),
     "volume": reader("volume.npz", "simulate scan {here}/out/s.h5 --body {here}/volume.npz " + SCAN),
     "xcist": reader(
         "phantom.json phantom.density_0",
@@ -137,7 +143,9 @@ def make(folder: Path, comparison: Callable[[Path], object], dicom: Callable[...
     for name in ("image.h5", "image.nii", "image.nii.gz"):
         run("reconstruct {made}/scan.h5 {made}/" + name + " --method fbp")
     recipe = Recipe(("head",), cases=3, rows=1, tube_voltages_kvp=(120.0,), views=VIEWS, bins=BINS, size=SIZE)
-    with patch("pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: starmap(function, calls)):
+    with patch(
+        "pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: (function(*call) for call in calls)
+    ):
         list(simulate_dataset(folder / "set", recipe))
     shutil.copy(next((folder / "set" / "train").glob("*.h5")), folder / "slice.h5")
     with h5py.File(folder / "scan.h5") as file:
@@ -157,6 +165,7 @@ def make(folder: Path, comparison: Callable[[Path], object], dicom: Callable[...
         dicom(z, hu[0], PixelSpacing=[30.0, 30.0]).save_as(
             folder / "series" / f"{number}.dcm", enforce_file_format=True
         )
+    write_folder(folder / "views", views=4)
     water = FractionMap("water", (hu > 0).astype(np.float32), ImageGrid(8, 8, 30.0), slice_thickness=3.0)
     write_xcist_phantom(folder / "phantom.json", [water])
     with zipfile.ZipFile(folder / "phantom.zip", "w") as archive:

@@ -91,8 +91,8 @@ def test_electronic_noise_may_take_counts_below_zero(scan):
         ({"incident": torch.ones(47)}, r"broadcast to \(views, bins\) = \(60, 48\), got \(47,\)"),
         ({"incident": torch.ones(2, 60, 48)}, "incident must broadcast"),
         (
-            {"incident": torch.linspace(0, 1, 48)},
-            "incident must be positive and finite everywhere; .* from 0 to 1",
+            {"incident": torch.linspace(-1, 1, 48)},
+            "incident must be positive and finite, or 0 where .* from -1 to 1",
         ),
         ({"incident": torch.tensor(math.inf)}, "incident must be positive and finite"),
         ({"electronic_noise": -3.0}, "electronic_noise must be finite and not negative, got -3.0"),

@@ -203,16 +203,37 @@ def test_sinograms_that_do_not_fit_their_weights_are_refused():
         Sinogram(torch.tensor([[0.0, 1.0, math.inf], [0.0, 1.0, 2.0]]), weights)
 
 
-def test_rays_of_a_cone_beam_take_the_logarithm_unsmoothed(generator):
-    cone = ConeBeam(Trajectory((0.0, 0.1), z=(0.0, 5.0)), Detector(4, 2.0, rows=3, row_height=1.0), 541.0, 949.0)
-    scan = Scan(
-        1000.0 * (1 + torch.rand(5, *cone.shape, generator=generator)), torch.tensor(3000.0), 0.0, cone, mu_water=0.0193
+CONE = ConeBeam(Trajectory((0.0, 0.1), z=(0.0, 5.0)), Detector(4, 2.0, rows=3, row_height=1.0), 541.0, 949.0)
+
+
+@pytest.fixture
+def cone_scan(generator) -> Scan:
+    counts = 1000.0 * (1 + torch.rand(5, *CONE.shape, generator=generator))
+    return Scan(counts, torch.tensor(3000.0), 0.0, CONE, mu_water=0.0193)
+
+
+def test_a_cone_beam_is_smoothed_over_rows_and_bins_of_each_view_alone(cone_scan):
+    whole = take_log(cone_scan)
+    torch.testing.assert_close(whole.line_integrals, -(cone_scan.counts / 3000.0).log())
+    assert float(whole.weights.diagonal.std()) < 0.5 * float(cone_scan.counts.std())
+    for view in range(2):
+        one = take_log(cone_scan[[view]])
+        torch.testing.assert_close(one.weights.diagonal, whole.weights.diagonal[:, [view]])
+    turned = Scan(
+        cone_scan.counts.mT.contiguous(),
+        cone_scan.incident,
+        0.0,
+        replace(CONE, detector=Detector(3, 2.0, rows=4, row_height=1.0)),
+        mu_water=0.0193,
     )
+    torch.testing.assert_close(take_log(turned).weights.diagonal, whole.weights.diagonal.mT)
+
+
+def test_rays_of_a_cone_beam_take_the_logarithm_unsmoothed(cone_scan):
+    cone, scan = CONE, cone_scan
     sinogram = take_log(scan, smoothing=0.0)
     assert sinogram.weights.range_shape == cone.shape
     torch.testing.assert_close(sinogram.line_integrals, -(scan.counts / 3000.0).log())
     torch.testing.assert_close(sinogram.weights(torch.ones(5, *cone.shape)), scan.counts)
-    with pytest.raises(ValueError, match="A fan beam is needed"):
-        take_log(scan)
     with pytest.raises(ValueError, match=r"for rays of the shape \(2, 3, 4\), the line integrals have \(2, 1, 4\)"):
         Sinogram(torch.ones(2, 1, 4), sinogram.weights)

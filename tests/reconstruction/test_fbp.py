@@ -37,6 +37,14 @@ SCANS = {
     "flat, moved aside": replace(FAN, bins=520, detector_offset=-200.25, detector="flat"),
     "gaps": replace(FAN, view_angles=[a for a in evenly_spaced_views(984) if not 0.7 < a % 1.0 <= 1.0 or a > 2.0]),
     "any order, from 1 rad": replace(FAN, view_angles=evenly_spaced_views(984, start=1.0)[::-1]),
+    "flying focal spot": replace(FAN, focal_spot_shifts=[(0.4 * (n % 2) - 0.2, 5.45 * (n % 2)) for n in range(984)]),
+    "flying focal spot, flat, short scan": replace(
+        FAN,
+        detector="flat",
+        bin_width=1.1,
+        view_angles=evenly_spaced_views(656, span=math.radians(186 + 2 * HALF_FAN)),
+        focal_spot_shifts=[(1.2 * (n // 2 % 2), 3.0 * (n % 2)) for n in range(656)],
+    ),
     "two turns": replace(FAN, view_angles=evenly_spaced_views(1968, span=4 * math.pi)),
 }
 
@@ -91,7 +99,7 @@ def test_turned_lanes_and_plain_torch_give_the_same_backprojection(generator):
 def test_what_fbp_cannot_do_is_said():
     moving = replace(FAN, view_angles=(0.0, 1.0), focal_spot_shifts=[(1.0, 0.0), (0.0, 0.0)])
     with pytest.raises(ValueError, match="focal spot that stays in place"):
-        fbp(torch.zeros(moving.shape), Projector(ImageGrid(8, 8, spacing=10.0), moving))
+        FanBackprojector(ImageGrid(8, 8, spacing=10.0), moving)
     wide = replace(FAN, bin_width=2.0, view_angles=(0.0, 1.0))
     with pytest.raises(ValueError, match="at most 45 degrees on a side, got 54"):
         fbp(torch.zeros(wide.shape), Projector(ImageGrid(8, 8, spacing=10.0), wide))

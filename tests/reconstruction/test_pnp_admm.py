@@ -13,6 +13,7 @@ from pnpct.reconstruction import (
     ADMMState,
     change,
     fbp,
+    mean_diagonal,
     paper_rule,
     pnp_admm,
     reconstruct,
@@ -123,7 +124,7 @@ def test_the_one_step_blend_is_what_the_paper_writes(sinogram, A, start):
 def test_a_convex_prior_leads_to_the_same_image_for_every_sigma_v(sinogram, A, start):
     """It depends on λ = strength / σ_v² alone, and TV-PWLS has that of σ_v = 60 HU."""
     sigma_v = balanced(sinogram, A, 2.0)
-    denoise = TotalVariation(0.02 * (sigma_v / 60.0) ** 2)
+    denoise = TotalVariation(0.02 * float(sigma_v / 60.0) ** 2)
     loop = nth(pnp_admm(sinogram, A, denoise, start, sigma_v=sigma_v), 60).v
     assert rms_hu(loop - nth(TVPWLS(20.0).states(sinogram, A, start), 60).v) < 0.5
 
@@ -218,6 +219,22 @@ def test_until_stops_by_rule_or_by_count(sinogram, A, start):
     stopped = list(until(states, start, A, iterations=100, stop="paper"))
     assert len(stopped) < 20
     assert paper_rule(stopped[-2], stopped[-1], A.domain_dims)
+
+
+@pytest.mark.parametrize("damping", [0.25, 1.0])
+def test_damped_x_and_v_are_held_together_by_the_penalty_over_the_damping(sinogram, A, start, damping):
+    """In the limit ½ ‖A x − y‖²_W + λ R(v) + β / (2 damping) ‖x − v‖² is least: its gradient in x is zero."""
+    sigma_v = balanced(sinogram, A, 1.0)
+    limit = nth(pnp_admm(sinogram, A, TotalVariation(0.05), start, sigma_v=sigma_v, damping=damping), 101)
+    pulled = A.T(sinogram.weights(A(limit.x) - sinogram.line_integrals)) / mean_diagonal(sinogram, A)
+    held = (limit.x - limit.v) / damping
+    assert rms_hu(held) > 5.0
+    torch.testing.assert_close(pulled, -held, rtol=0, atol=0.05 * float(held.abs().max()))
+
+
+def test_damped_entirely_admm_has_no_memory(sinogram, A, start):
+    states = pnp_admm(sinogram, A, TotalVariation(0.05), start, damping=1.0)
+    assert all(not state.u.any() for state in itertools.islice(states, 3))
 
 
 @pytest.mark.parametrize(

@@ -158,6 +158,7 @@ def test_own_bodies_have_names_of_their_own_and_are_given_once(tmp_path: Path) -
     assert not (tmp_path / "other").exists()
 
 
+@pytest.mark.slow
 def test_workers_end_with_the_process_that_wants_their_work(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(

@@ -11,7 +11,7 @@ from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import Scan, simulate_counts, take_log
-from pnpct.reconstruction import ADMMState, fbp, pnp_admm
+from pnpct.reconstruction import PlugAndPlay, fbp, starting_state
 from pnpct.training import FBPImages, LoopImages, SplitViewPairs, mean_squared_error, train, view_subset_images
 from pnpct.training.images import SIGMAS_V
 
@@ -89,7 +89,7 @@ def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth
 
 
 def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid) -> None:
-    """After some iterations the image is x + u of plug-and-play ADMM with the same denoiser, of the next one."""
+    """After some iterations the image is x + u of plug-and-play with the same denoiser, of the next one."""
     denoise, given = Gaussian(0.8), []
     drawn = LoopImages(denoise, "blur", iterations=3, number=2)
     for seed in range(4):
@@ -103,8 +103,7 @@ def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid
             return denoise(shown)
 
         given.clear()
-        start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-        for _ in islice(pnp_admm(sinogram, A, watched, start, sigma_v=sigma_v), 3):
+        for _ in islice(PlugAndPlay(watched, sigma_v=sigma_v).states(sinogram, A, starting_state(sinogram, A)), 3):
             pass
         torch.testing.assert_close(images, torch.stack([given[k] for k in iterations]), rtol=0, atol=1e-4)
 

@@ -6,8 +6,10 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
 from pnpct.cli.parsing import UsageError, parse
+from pnpct.cli.signals import ended_as_by_ctrl_c
 from pnpct.cli.terminal import complain, say
 
 COMMANDS = {
@@ -16,6 +18,7 @@ COMMANDS = {
     "simulate draw": "Draw a noisy scan from a slice of a data set.",
     "import arrays": "Make a scan from NumPy files of counts or line integrals.",
     "import catsim": "Make a scan from the raw files of CatSim.",
+    "import dicom-ct-pd": "Make a scan from clinical projection data in DICOM.",
     "train": "Train a denoiser on a data set, in the two stages of the paper, or on one scan.",
     "reconstruct": "Reconstruct the image of a scan.",
     "denoise": "Denoise an image.",
@@ -25,7 +28,7 @@ COMMANDS = {
     "info": "Describe a file.",
     "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
 }
-"""The commands, each in the module of its name with _ for spaces, which is imported only when it is needed."""
+"""The commands, each in the module of its name with _ between words, which is imported only when it is needed."""
 
 _OUT_OF_MEMORY = ("out of memory", "can't allocate memory", "Storage size calculation overflowed")
 
@@ -37,11 +40,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments after the program's name; those of this process if None.
 
     Returns:
-        The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C. An
-        exception that is raised from here is a bug.
+        The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C, SIGTERM
+        or SIGHUP. An exception that is raised from here is a bug.
     """
     try:
-        run(list(sys.argv[1:] if argv is None else argv))
+        with ended_as_by_ctrl_c():
+            run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
     except KeyboardInterrupt:
         complain("interrupted.")
@@ -78,9 +82,13 @@ def run(words: Sequence[str]) -> None:
         say(_overview(group))
     else:
         command, rest = _find(words)
-        module = import_module(f"pnpct.cli.{command.replace(' ', '_')}")
-        chosen = getattr(module, command.title().replace(" ", ""))
-        parse(chosen, rest, program=f"pnpct {command}").run(["pnpct", *words])
+        parse(class_of(command), rest, program=f"pnpct {command}").run(["pnpct", *words])
+
+
+def class_of(command: str) -> Any:
+    """Return the dataclass of one of the `COMMANDS`, whose fields are its arguments."""
+    words = command.replace("-", " ").split()
+    return getattr(import_module(f"pnpct.cli.{'_'.join(words)}"), "".join(map(str.title, words)))
 
 
 def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
@@ -100,7 +108,7 @@ def _group(word: str) -> list[str]:
 
 
 def _overview(commands: Sequence[str] | dict[str, str]) -> str:
-    lines = [f"  {command:16} {COMMANDS[command]}" for command in commands]
+    lines = [f"  {command:18} {COMMANDS[command]}" for command in commands]
     return "\n".join(
         [
             "usage: pnpct COMMAND ...",

@@ -3,40 +3,58 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
-from pnpct.cli.artefact import IMAGES, check_output, finish
+from pnpct.arrays import Image, Volume
 from pnpct.cli.denoiser_options import DenoiserOptions
 from pnpct.cli.devices import DeviceName, choose_device
+from pnpct.cli.image_input import check_series, image_of
+from pnpct.cli.image_output import SeriesOptions, names_folder
+from pnpct.cli.parsing import option
 from pnpct.cli.terminal import working
-from pnpct.files import read_image, record_run, write_image
+from pnpct.files import SourceSeries, read_source_series, record_run
+from pnpct.geometry import Grid
 from pnpct.reconstruction import denoiser_settings
 
 
 @dataclass(frozen=True)
-class Denoise(DenoiserOptions):
+class Denoise(DenoiserOptions, SeriesOptions):
     """Denoise an image, or each slice of a volume.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz; pnpct's networks expect FBP with the sharpest kernel (ram-lak).
-        denoised: Output file: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at.
+        image: The image, .h5, .nii or .nii.gz, or a folder with a CT series in DICOM; pnpct's networks expect FBP with
+            the sharpest kernel (ram-lak).
+        denoised: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at; a name without
+            a suffix, or with a slash at its end, is a folder for a DICOM series, which keeps the patient, the study
+            and the positions of a series that was read.
+        series: SeriesInstanceUID of the series to read, where the folder holds several.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
     image: Positional[Path]
     denoised: Positional[Path]
+    series: Annotated[str | None, option(metavar="UID")] = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
         """Denoise, and write the image."""
-        check_output(self.denoised, IMAGES, inputs=[self.image])
+        self.check_image(self.denoised, command, inputs=[self.image])
         device = choose_device(self.device)
-        image, grid = read_image(self.image)
+        image, place = self._input(command)
         denoise = self.chosen_denoiser(device)
         with working("Denoising"):
             denoised = denoise(image.to(device)).cpu()
-        settings = {**denoiser_settings(denoise), "grid": asdict(grid), "device": device.type}
+        where = {"series": place.uid} if isinstance(place, SourceSeries) else {"grid": asdict(place)}
+        settings = {**denoiser_settings(denoise), **where, "device": device.type}
         provenance = record_run(command, inputs=[self.image], settings=settings)
-        write_image(self.denoised, denoised, grid, provenance=provenance)
-        finish(self.denoised, provenance, summary=str(grid))
+        self.finish_image(self.denoised, denoised, place, provenance=provenance)
+
+    def _input(self, command: Sequence[str]) -> tuple[Image | Volume, Grid | SourceSeries]:
+        """The image and where it is: from series to series each slice stays in its own plane."""
+        check_series(self.image, self.series)
+        if not (self.image.is_dir() and names_folder(self.denoised, command)):
+            return image_of(self.image, self.series)
+        source = read_source_series(self.image, series_uid=self.series)
+        return source.image, source

@@ -3,14 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
 from pnpct.cli.artefact import NUMBERS, check_output, finish
+from pnpct.cli.image_input import image_of
+from pnpct.cli.parsing import option
 from pnpct.cli.scores import say_scores, write_scores
 from pnpct.cli.truth import on_one_grid, truth_of
 from pnpct.comparison import fidelity_values, histogram_values, score_definitions, texture_values
-from pnpct.files import read_image, record_run
+from pnpct.files import record_run
 
 
 @dataclass(frozen=True)
@@ -23,20 +26,24 @@ class Evaluate:
     the texture (GLCM) of soft-tissue patches. Tissues that the truth lacks have no number.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz.
-        truth: The truth, on the same grid: an image, or a scan with its truth inside.
+        image: The image, .h5, .nii or .nii.gz, or a folder with a CT series in DICOM.
+        truth: The truth, on the same grid: an image or a series likewise, or a scan with its truth inside.
         numbers: File for the numbers, .json; they are printed in any case.
+        series: SeriesInstanceUID of the image, where its folder holds several series.
+        truth_series: SeriesInstanceUID of the truth, likewise.
     """
 
     image: Positional[Path]
     truth: Positional[Path]
     numbers: Positional[Path | None] = None
+    series: Annotated[str | None, option(metavar="UID")] = None
+    truth_series: Annotated[str | None, option(metavar="UID")] = None
 
     def run(self, command: Sequence[str]) -> None:
         """Compare, print the numbers, and write them."""
         if self.numbers:
             check_output(self.numbers, NUMBERS, inputs=[self.image, self.truth])
-        image, truth = on_one_grid(read_image(self.image), truth_of(self.truth))
+        image, truth = on_one_grid(image_of(self.image, self.series), truth_of(self.truth, self.truth_series))
         values = fidelity_values(image, truth) | histogram_values(image, truth) | texture_values(image, truth)
         say_scores({self.image.name: values})
         if self.numbers:

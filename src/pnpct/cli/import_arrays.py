@@ -9,7 +9,8 @@ from tyro.conf import Positional
 
 from pnpct.cli.artefact import SCANS, check_output, file_of, finish_scan
 from pnpct.cli.parsing import option
-from pnpct.files import record_run, scan_from_arrays
+from pnpct.cli.terminal import say
+from pnpct.files import import_arrays, record_run
 from pnpct.units import MU_WATER_70_KEV
 
 
@@ -23,37 +24,50 @@ class ImportArrays:
         array: Counts or line integrals, views x bins, .npy or .npz.
         geometry: The geometry, .json.
         scan: File for the scan, .h5.
-        incident: Counts expected without an object (air): a number, or a file with one for each bin, view or ray.
+        incident: Counts expected without an object (air): a number, or a file with one for each bin, view or
+            ray. For line integrals it may be left out: FBP needs none, and for weights it is estimated from the noise.
         kind: What the array holds; line integrals are -ln(counts/incident).
+        mask: File with 0 where a ray was not measured, else 1: for each bin, view or ray. Rays that are NaN or have an
+            incident of 0 were not measured either.
         electronic_noise: Standard deviation of the electronic noise of a count, quanta.
         mu_water: Attenuation of water at the effective energy, 1/mm; the default is its value at 70 keV.
         beam_hardening: File of the correction's coefficients, bins x powers, highest power first.
         signal_per_quantum: Signal of one quantum, in the unit of counts and incident; 1 if these are quanta.
+        insist: Take numbers that look like a mistake, such as lengths in another unit.
     """
 
     array: Positional[Path]
     geometry: Positional[Path]
     scan: Positional[Path]
-    incident: Annotated[float | Path, option(metavar="NUMBER|FILE")]
+    incident: Annotated[float | Path | None, option(metavar="NUMBER|FILE", default="estimated for line integrals")] = (
+        None
+    )
+    mask: Annotated[Path | None, option(default="all were measured")] = None
     kind: Literal["line-integrals", "counts"] = "line-integrals"
     electronic_noise: float = 0.0
     mu_water: float = MU_WATER_70_KEV
     beam_hardening: Annotated[Path | None, option(default="no correction")] = None
     signal_per_quantum: float = 1.0
+    insist: bool = False
 
     def run(self, command: Sequence[str]) -> None:
         """Read, and write the scan."""
-        arrays = [path for path in (self.array, self.incident, self.beam_hardening) if isinstance(path, Path)]
-        inputs = [self.geometry, *map(file_of, arrays)]
+        arrays = (self.array, self.incident, self.mask, self.beam_hardening)
+        inputs = [self.geometry, *(file_of(array) for array in arrays if isinstance(array, Path))]
         check_output(self.scan, SCANS, inputs=inputs)
-        scan = scan_from_arrays(
+        imported = import_arrays(
             self.array,
             self.geometry,
             kind=self.kind,
             incident=self.incident,
+            mask=self.mask,
             electronic_noise=self.electronic_noise,
             mu_water=self.mu_water,
             beam_hardening=self.beam_hardening,
             signal_per_quantum=self.signal_per_quantum,
+            insist=self.insist,
         )
-        finish_scan(self.scan, scan, provenance=record_run(command, inputs=inputs))
+        notes = {"notes": list(imported.notes)} if imported.notes else None
+        finish_scan(self.scan, imported.scan, provenance=record_run(command, inputs=inputs, settings=notes))
+        for note in imported.notes:
+            say(note)

@@ -15,7 +15,7 @@ from pnpct.units import MU_WATER_70_KEV
 
 @dataclass(frozen=True)
 class ImportCatsim:
-    """Make a scan from the raw files of CatSim: one detector row of an axial scan.
+    """Make a scan from the raw files of CatSim: one detector row of an axial scan, or all rows of any.
 
     Args:
         prefix: Path of the raw files without .scan, .prep, .air or .offset.
@@ -23,6 +23,7 @@ class ImportCatsim:
         configuration: CatSim's configuration files, later ones overriding earlier ones; or one JSON file with its keys.
         signal: raw takes .scan, .air and .offset; prep takes .prep, in which CatSim has corrected low signals.
         detector_row: Index of the row, from 0.
+        all_rows: Read all rows, of an axial or a helical scan.
         kev_per_quantum: Energy that counts as one quantum, keV.
         incident: Quanta per ray without an object.
         mu_water: Attenuation of water at the effective energy, 1/mm; the default is its value at 70 keV.
@@ -34,6 +35,7 @@ class ImportCatsim:
     configuration: tuple[Path, ...]
     signal: Literal["raw", "prep"] = "raw"
     detector_row: Annotated[int | None, option(default="the middle one")] = None
+    all_rows: bool = False
     kev_per_quantum: float = 70.0
     incident: Annotated[float | None, option(default="those of the air scan")] = None
     mu_water: float = MU_WATER_70_KEV
@@ -50,6 +52,7 @@ class ImportCatsim:
             configuration=self.configuration,
             signal=self.signal,
             detector_row=self.detector_row,
+            all_rows=self.all_rows,
             kev_per_quantum=self.kev_per_quantum,
             incident=self.incident,
             mu_water=self.mu_water,

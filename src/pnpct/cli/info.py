@@ -1,14 +1,22 @@
 """`pnpct info`: what is in a file."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tyro.conf import Positional
 
+from pnpct.cli.coverage import in_words
 from pnpct.cli.terminal import say, shortened
-from pnpct.files import describe_file
+from pnpct.files import SCAN, describe_file, read_scan, read_scan_geometry
+from pnpct.geometry import ConeBeam, Geometry
+from pnpct.physics import dead_cells
+
+_VIEWS_AT_ONCE = 500
+"""Scans may be larger than the memory."""
 
 
 @dataclass(frozen=True)
@@ -24,11 +32,15 @@ class Info:
     def run(self, command: Sequence[str]) -> None:  # noqa: ARG002 - no file is written that would record it
         """Describe the file."""
         content = describe_file(self.file)
+        geometry = read_scan_geometry(self.file) if content["format"] == SCAN else None
+        rays = _of_rays(self.file, geometry) if geometry else {}
         say(f"{self.file}: {content['format']}, version {content['format_version']}")
         if content["description"]:
             say(content["description"])
         _say_section("all of it", content["attributes"].pop("/", {}))
         _say_section("made by", {**content["provenance"], "command": " ".join(content["provenance"]["command"])})
+        if isinstance(geometry, ConeBeam):
+            _say_section("covers", in_words(geometry))
         for name, array in content["arrays"].items():
             shape = " x ".join(map(str, array["shape"])) or "one number"
             _say_section(
@@ -42,6 +54,25 @@ class Info:
             )
         for name, attributes in content["attributes"].items():
             _say_section(name, attributes)
+        _say_section("rays", rays)
+
+
+def _of_rays(file: Path, geometry: Geometry) -> Mapping[str, str]:
+    """How many rays of a scan were not measured, and which bins seem to be dead."""
+    total, rays = np.zeros(geometry.bins), np.zeros(geometry.bins, dtype=np.int64)
+    missing, noise = 0, 0.0
+    for first in range(0, geometry.views, _VIEWS_AT_ONCE):
+        scan = read_scan(file, views=slice(first, first + _VIEWS_AT_ONCE))
+        measured, noise = scan.measured.expand(scan.geometry.shape), scan.electronic_noise
+        missing += int((~measured).sum())
+        used = measured.expand(scan.counts.shape).reshape(-1, geometry.bins)
+        total += scan.counts.reshape(used.shape).where(used, 0.0).double().sum(0).numpy()
+        rays += used.sum(0).numpy()
+    dead = [str(number) for number in dead_cells(total, rays, noise)]
+    return {
+        "not measured": f"{missing} of {math.prod(geometry.shape)}" if missing else "",
+        "seem dead": f"bins {', '.join(dead)} count nothing in any view; import them with --mask" if dead else "",
+    }
 
 
 def _say_section(title: str, values: Mapping[str, Any]) -> None:

@@ -30,6 +30,7 @@ class MethodOptions(DenoiserOptions):
             whose --strength is in HU × pixel.
         kernel: Reconstruction kernel of fbp, from sharp to smooth.
         sigma_v: Standard deviation to which pnp trusts the denoised image, HU: the smaller, the smoother.
+        damping: Fraction of the dual variable that pnp drops in each iteration; the paper's ADMM has 0.
         iterations: Maximum number of iterations of pnp and tv.
         solver: Solver of the data step of pnp.
         inner_iterations: Minimum steps of the solver per iteration of pnp; it takes more while its residual is large.
@@ -40,6 +41,7 @@ class MethodOptions(DenoiserOptions):
     method: Literal["fbp", "pnp", "tv"] = "pnp"
     kernel: Annotated[Kernel | None, option(default=FBP.kernel)] = None
     sigma_v: Annotated[float | None, option(default=PlugAndPlay.sigma_v)] = None
+    damping: Annotated[float | None, option(default=PlugAndPlay.damping)] = None
     iterations: Annotated[int | None, option(default=f"{PlugAndPlay.iterations}, {TVPWLS.iterations} with tv")] = None
     solver: Annotated[SolverName | None, option(default=PlugAndPlay.solver)] = None
     inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None

@@ -1,35 +1,46 @@
-"""`pnpct reconstruct`: from a scan to an image."""
+"""`pnpct reconstruct`: from a scan to an image or a volume."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import torch
 from tyro.conf import Positional
 
-from pnpct.cli.artefact import IMAGES, check_output, finish
+from pnpct.arrays import Image
 from pnpct.cli.devices import DeviceName, choose_device, on_device
 from pnpct.cli.grids import grid_for
+from pnpct.cli.image_output import SeriesOptions, names_folder, source_of
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
-from pnpct.cli.terminal import track, working
-from pnpct.files import read_scan, record_run, write_image
+from pnpct.cli.slabs import volume_of_slabs
+from pnpct.cli.terminal import say, track, working
+from pnpct.cli.volume_options import VolumeOptions
+from pnpct.files import read_scan, read_scan_geometry, record_run
+from pnpct.geometry import ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
 from pnpct.operators import Projector
-from pnpct.physics import take_log
-from pnpct.reconstruction import ADMMState
+from pnpct.physics import Scan, Sinogram, take_log
+from pnpct.reconstruction import ADMMState, Method, Slab, check_covered, reconstruct_volume
 
 _OF_TRUTH = "that of the truth in the scan; without one,"
 
 
 @dataclass(frozen=True)
-class Reconstruct(MethodOptions):
-    """Reconstruct the image of a scan.
+class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
+    """Reconstruct the image of a scan, or the volume of a scan with several detector rows.
+
+    Slices of a volume are written when they are done, to a folder beside the output. If the command is interrupted and
+    started again it goes on from there; at the end the folder becomes the output.
 
     Args:
         scan: The scan, .h5.
-        image: Output file: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at.
+        image: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at; a name without a
+            suffix, or with a slash at its end, is a folder for a DICOM series.
         size: Rows and columns of the image.
         field_of_view: Width of the image, mm.
+        center: Middle of the image, x and y in mm; of a volume perhaps z too.
+        insist: Take a field of view that looks like a mistake of units.
         device: Where to compute; auto takes a CUDA device if there is one.
     """
 
@@ -37,26 +48,91 @@ class Reconstruct(MethodOptions):
     image: Positional[Path]
     size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
     field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan covers")] = None
+    center: Annotated[tuple[float, ...] | None, option(default=f"{_OF_TRUTH} 0 0, and all slices")] = None
+    insist: bool = False
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:
         """Reconstruct, and write the image."""
-        check_output(self.image, IMAGES, inputs=[self.scan])
+        self.check_image(self.image, command, inputs=[self.scan])
         device = choose_device(self.device)
         method = self.chosen_method(device)
-        scan = on_device(read_scan(self.scan), device)
-        if scan.counts.ndim > len(scan.geometry.shape) and ".nii" in self.image.suffixes:
-            raise ValueError(f"{self.scan} holds several scans, and NIfTI one image; write .h5.")
-        grid = grid_for(self.scan, scan.geometry, size=self.size, field_of_view=self.field_of_view)
+        geometry = read_scan_geometry(self.scan)
+        # Of several rows only a few views at a time are in memory.
+        scan = read_scan(self.scan, views=slice(1) if isinstance(geometry, ConeBeam) else slice(None))
+        if scan.counts.ndim > len(scan.geometry.shape) and (
+            ".nii" in self.image.suffixes or names_folder(self.image, command)
+        ):
+            raise ValueError(f"{self.scan} holds several scans, and NIfTI or DICOM one image; write .h5.")
+        if isinstance(geometry, ConeBeam):
+            self._volume(geometry, method, device, command, mu_water=scan.mu_water)
+            return
+        self.check_one_plane()
+        image, grid, settings = self._image(on_device(scan, device), method)
+        provenance = record_run(command, inputs=[self.scan], settings={**settings, "device": device.type})
+        self.finish_image(self.image, image, grid, provenance=provenance, source=source_of(self.scan))
+        for note in settings.get("notes", ()):
+            say(note)
+
+    def _image(self, scan: Scan, method: Method) -> tuple[Image, ImageGrid, dict[str, Any]]:
+        grid = grid_for(
+            self.scan,
+            scan.geometry,
+            size=self.size,
+            field_of_view=self.field_of_view,
+            center=self.center,
+            insist=self.insist,
+        )
         with working("Preparing"):
             projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
             sinogram = take_log(scan)
         made = method(sinogram, projector, progress=_shown)
         ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
-        settings = {**made.settings, **ended, "grid": asdict(grid), "device": device.type}
+        if made.notes:
+            ended["notes"] = list(made.notes)
+        return made.image, grid, {**made.settings, **ended, "grid": asdict(grid)}
+
+    def _volume(
+        self, geometry: ConeBeam, method: Method, device: torch.device, command: Sequence[str], *, mu_water: float
+    ) -> None:
+        options = self.of_planes()
+        planes = TiltedPlanes(geometry, options.get("rebinning", TiltedPlanes.rebinning))
+        grid = self.volume_grid(
+            self.scan, planes, size=self.size, field_of_view=self.field_of_view, center=self.center, insist=self.insist
+        )
+        check_covered(planes, grid, self.thickness or 0.0)
+        settings = {**method.settings, **options, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
-        write_image(self.image, made.image, grid, provenance=provenance)
-        finish(self.image, provenance, summary=f"{grid.rows} x {grid.cols} pixels of {grid.spacing:.4g} mm")
+
+        def rays(views: Sequence[int]) -> Sinogram:
+            first = min(views)
+            part = read_scan(self.scan, views=slice(first, max(views) + 1))
+            return take_log(on_device(part[[view - first for view in views]], device))
+
+        def slabs(first: int) -> Iterator[Slab]:
+            return reconstruct_volume(rays, geometry, grid, method, mu_water=mu_water, first=first, **options)
+
+        with volume_of_slabs(slabs, self.image, grid, provenance) as volume:
+            self.finish_image(
+                self.image,
+                volume,
+                grid,
+                provenance=provenance,
+                source=source_of(self.scan),
+                slice_thickness=self.thickness,
+                also=_of_the_cone(planes, grid),
+            )
+
+
+def _of_the_cone(planes: TiltedPlanes, grid: VolumeGrid) -> str:
+    """What an axial scan loses away from its middle, in words."""
+    if planes.feed:
+        return ""
+    leaves = max(planes.leaves(float(z), grid.plane.radius) for z in grid.heights[[0, -1]])
+    return (
+        f"; an axial scan: at the border of the field of view the rays leave the outermost slices by {leaves:.2g} mm, "
+        "and edges along z are blurred by as much"
+    )
 
 
 def _shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:

@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from pnpct.cli.artefact import SCANS, check_output, finish_scan
 from pnpct.cli.parsing import option
 from pnpct.cli.seeds import generators
-from pnpct.cli.terminal import working
+from pnpct.cli.terminal import say, working
 from pnpct.files import record_run
 from pnpct.geometry import ImageGrid
 from pnpct.simulation import (
@@ -28,6 +28,7 @@ from pnpct.simulation import (
     truth,
 )
 
+USUAL_ANATOMY = "chest"
 FINE = Sampling(columns=2, focal_spot=(2, 2), views=2)
 
 
@@ -42,6 +43,7 @@ class SimulateScan:
         scan: File for the scan, .h5.
         anatomy: Body region of a procedural patient.
         body: A folder with a DICOM CT series, a volume in HU (.npz) or an XCIST phantom (.json, .zip) instead.
+        series: SeriesInstanceUID of the series of --body to read, where its folder holds several.
         z: Height of the slice, mm.
         noise_hu: Standard deviation of the noise to remove from a CT series, HU.
         tube_current_ma: Tube current, mA, at a rotation time of one second; 40 is low dose, 200 routine dose.
@@ -57,8 +59,9 @@ class SimulateScan:
     """
 
     scan: Positional[Path]
-    anatomy: Annotated[str | None, option(default="chest", metavar=f"{{{','.join(ANATOMIES)}}}")] = None
+    anatomy: Annotated[str | None, option(default=USUAL_ANATOMY, metavar=f"{{{','.join(ANATOMIES)}}}")] = None
     body: Annotated[Path | None, option(default="a procedural patient")] = None
+    series: Annotated[str | None, option(metavar="UID")] = None
     z: Annotated[float | None, option(default="a slice with much anatomy, or the middle of --body")] = None
     noise_hu: float = 0.0
     tube_current_ma: float = 40.0
@@ -84,6 +87,8 @@ class SimulateScan:
             raise ValueError(
                 f"--noise-hu is the noise of a CT series, at least 0, and needs --body, got {self.noise_hu}."
             )
+        if self.series and not self.body:
+            raise ValueError("--series chooses among the series in the folder of --body; give that folder too.")
         of_patient, of_noise = generators(self.seed)
         inputs = {str(self.body): fingerprint(self.body)} if self.body else {}
         geometry = clinical_fan_beam(views=self.views, bins=self.bins)
@@ -92,13 +97,16 @@ class SimulateScan:
         )
         with working("Drawing and scanning the patient"):
             if self.body:
-                source = from_files(self.body, size=self.size, noise_hu=self.noise_hu)
+                source = from_files(self.body, size=self.size, noise_hu=self.noise_hu, series_uid=self.series)
             else:
-                source = procedural_patient(self.anatomy or "chest", of_patient, size=self.size)
+                source = procedural_patient(self.anatomy or USUAL_ANATOMY, of_patient, size=self.size)
             fine = ImageGrid(2 * self.size, 2 * self.size, source.grid.spacing / 2)
             phantom = source.body.slice(source.height if self.z is None else self.z, fine)
             exposure = expose(phantom, geometry, beam, sampling=FINE if self.blur else None, crosstalk=self.crosstalk)
             scan = exposure.scan(tube_current_ma=self.tube_current_ma, generator=of_noise)
+        for note in source.notes:
+            say(note)
         known = truth(phantom, source.grid, energy=beam.effective_energy), source.grid
-        provenance = record_run(command, seed=self.seed, settings={"bodies": inputs} if inputs else None)
+        known_of_body = {"bodies": inputs} if inputs else {"body_part": (self.anatomy or USUAL_ANATOMY).upper()}
+        provenance = record_run(command, seed=self.seed, settings=known_of_body)
         finish_scan(self.scan, scan, provenance=provenance, truth=known)

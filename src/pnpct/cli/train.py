@@ -1,6 +1,7 @@
 """`pnpct train`: from a data set, or from one scan, to the weights of a denoiser."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +18,7 @@ from pnpct.cli.seeds import check_seed
 from pnpct.cli.terminal import say, track, working
 from pnpct.cli.training_options import TrainingOptions
 from pnpct.denoisers import RDNCBAM, REDCNN, SIZES
-from pnpct.files import MANIFEST, load_network, network_file, read_scan, save_network, sha256_of
+from pnpct.files import MANIFEST, load_network, network_file, read_scan, save_network, sha256_of, sole_writer
 from pnpct.files.checkpoint import SUFFIX
 from pnpct.files.training_file import read_training, write_training
 from pnpct.training import (
@@ -62,7 +63,11 @@ class Train(TrainingOptions):
     def run(self, command: Sequence[str]) -> None:
         """Train, or resume training, and write the network."""
         method, device, state_file = self.chosen_method(), choose_device(self.device), self._checked()
-        with joined_processes(device) as rank, training_curves(self.tensorboard if rank == 0 else None) as draw:
+        with (
+            joined_processes(device) as rank,
+            sole_writer(self.network) if rank == 0 else nullcontext(),
+            training_curves(self.tensorboard if rank == 0 else None) as draw,
+        ):
             network = self._network().to(device)
             settings = {**method.settings(), **self._settings()}
             state = from_first(lambda: read_training(state_file, settings=settings) if state_file.exists() else {})
@@ -132,6 +137,8 @@ class Train(TrainingOptions):
             raise ValueError(
                 f"{self.data} is a file, but a data set's folder is needed; --method single-scan learns from a scan."
             )
+        if self.data.is_dir() and not (self.data / MANIFEST).exists():
+            raise ValueError(f"{self.data} holds no data set; make one by pnpct simulate dataset.")
         return sha256_of(self.data / MANIFEST)
 
     def _plan(self, method: Supervised | SingleScan, network: nn.Module) -> TrainingPlan:

@@ -1,7 +1,8 @@
 """A whole comparison: cases side by side in several processes, the phantoms, and the numbers over all of them."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,7 +23,7 @@ from pnpct.comparison.table import write_table
 from pnpct.evaluation import FEATURES, TISSUES, Texture, rank_by_closeness, texture_change
 from pnpct.evaluation.data.consistency import CORRELATED, OBJECT
 from pnpct.evaluation.texture.change import LEAST_CASES
-from pnpct.files import Provenance, record_run
+from pnpct.files import Provenance, record_run, sole_writer
 from pnpct.operators.processes import side_by_side
 
 Item = TypeVar("Item")
@@ -59,30 +60,36 @@ def compare(
         progress: From an iterator, how much it yields and what, to the same: shows what is done as it passes.
 
     Raises:
-        OSError: If a file cannot be read or written, or a process dies.
+        OSError: If a file cannot be read or written, another process writes there, or a process dies.
         ValueError: If a scan, a method or a setting is not what it should be.
     """
     study = Study() if study is None else study
     methods = methods if isinstance(methods, Candidates) else controls().with_methods(methods)
     subjects = list(subjects_of(scans, study))
+    if not subjects:
+        raise ValueError("A comparison needs at least one scan.")
     if processes > 1:  # what cannot be had is said before the work
         _ = [method.packed() for method in methods]
     jobs = phantom_jobs(methods, study)
-    made = compare_scans(folder, subjects, methods, study, processes=min(processes, len(subjects) or 1))
-    by_name = {one.case.name: one for one in progress(made, len(subjects), "Comparing")}
-    measured = list(progress(measure_phantoms(folder, jobs, processes=processes), len(jobs), "Phantoms"))
-    settings = {"study": study.settings, "methods": {each.name: dict(each.settings) for each in methods}}
-    provenance = record_run(command, inputs=scans, seed=study.seed, settings=settings)
-    cases = [by_name[subject.name] for subject in subjects]
-    comparison = with_phantoms(summarise(cases, methods, study, provenance=provenance), measured, methods, study)
-    write_comparison(folder, comparison)
-    write_table(folder, comparison)
+    folder.mkdir(parents=True, exist_ok=True)
+    with sole_writer(folder):
+        at_once = min(processes, len(subjects))
+        with closing(compare_scans(folder, subjects, methods, study, processes=at_once)) as made:
+            by_name = {one.case.name: one for one in progress(made, len(subjects), "Comparing")}
+        with closing(measure_phantoms(folder, jobs, processes=processes)) as made_of_phantoms:
+            measured = list(progress(made_of_phantoms, len(jobs), "Phantoms"))
+        settings = {"study": study.settings, "methods": {each.name: dict(each.settings) for each in methods}}
+        provenance = record_run(command, inputs=scans, seed=study.seed, settings=settings)
+        cases = [by_name[subject.name] for subject in subjects]
+        comparison = with_phantoms(summarise(cases, methods, study, provenance=provenance), measured, methods, study)
+        write_comparison(folder, comparison)
+        write_table(folder, comparison)
     return comparison
 
 
 def compare_scans(
     folder: Path, subjects: Sequence[Subject], methods: Candidates, study: Study, *, processes: int = 1
-) -> Iterator[OneScan]:
+) -> Generator[OneScan, None, None]:
     """Compare scan by scan, and yield each when it is done; images that an earlier run has made are read.
 
     Args:
@@ -94,10 +101,8 @@ def compare_scans(
 
     Raises:
         OSError: If a file cannot be read or written, or a process dies.
-        ValueError: If there is no scan, or a scan or a setting is not what it should be.
+        ValueError: If a scan or a setting is not what it should be.
     """
-    if not subjects:
-        raise ValueError("A comparison needs at least one scan.")
     folder.mkdir(parents=True, exist_ok=True)
     if processes == 1:
         yield from (compare_one_scan(folder, subject, methods, study) for subject in subjects)

@@ -1,7 +1,7 @@
 """What each method makes of the phantoms: measured side by side, and stored as JSON in the folder."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -114,7 +114,9 @@ def phantom_jobs(methods: Candidates, study: Study) -> tuple[PhantomJob, ...]:
     return tuple(reversed(jobs))
 
 
-def measure_phantoms(folder: Path, jobs: Sequence[PhantomJob], *, processes: int = 1) -> Iterator[PhantomMeasurement]:
+def measure_phantoms(
+    folder: Path, jobs: Sequence[PhantomJob], *, processes: int = 1
+) -> Generator[PhantomMeasurement, None, None]:
     """Yield the measurement of each job when it is done; what an earlier run has measured is read.
 
     Args:

@@ -19,7 +19,7 @@ _DAMAGE = (
 )
 
 
-def load_array(path: PathLike) -> NDArray[Any]:
+def load_array(path: PathLike, *, nan: bool = False) -> NDArray[Any]:
     """Load an array of numbers from a .npy file, or one member of a .npz file.
 
     The member is named after a colon, "scan.npz:counts"; without a name it is the only one with two
@@ -27,6 +27,7 @@ def load_array(path: PathLike) -> NDArray[Any]:
 
     Args:
         path: The file, with the member's name for a .npz file that has more than one.
+        nan: Whether NaN, for what was not measured, and booleans are taken too.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
@@ -45,15 +46,16 @@ def load_array(path: PathLike) -> NDArray[Any]:
     except FileFormatError:
         raise
     except _DAMAGE as error:
-        raise FileFormatError(f"{file}: this is not a complete .npy or .npz file of numbers ({error}).") from error
-    if array.dtype.kind not in "fiu":
-        raise FileFormatError(f"{path}: an array of real numbers was needed, got {array.dtype}.")
-    wrong = np.argwhere(~np.isfinite(array))
+        raise FileFormatError(
+            f"{file}: this is not a complete .npy or .npz file of numbers; save it by numpy.save."
+        ) from error
+    if array.dtype.kind not in ("fiub" if nan else "fiu"):
+        raise FileFormatError(f"{path}: an array of real numbers was needed, got {array.dtype}; convert it.")
+    wrong = np.argwhere(np.isinf(array) if nan else ~np.isfinite(array))
     if len(wrong):
         where = tuple(int(index) for index in wrong[0])
-        raise FileFormatError(
-            f"{path}: {len(wrong)} values are not finite, the first at {where}; correct or mask them."
-        )
+        advice = "write NaN for rays that were not measured" if nan else "correct or mask them"
+        raise FileFormatError(f"{path}: {len(wrong)} values are not finite, the first at {where}; {advice}.")
     return array
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +10,20 @@ from pnpct.files.catsim_cfg import Unreadable, read_cfg
 from pnpct.files.errors import FileFormatError, PathLike, shown
 from pnpct.files.geometry_json import read_geometry
 from pnpct.files.json_file import load_json
-from pnpct.geometry import FanBeam, evenly_spaced_views
+from pnpct.geometry import ConeBeam, FanBeam, evenly_spaced_views
 
 # What CatSim assumes where no configuration file says otherwise, for what seldom stands in one.
 _DEFAULTS: dict[str, Any] = {
     "scanner.detectorCallback": "Detector_ThirdgenCurved",
     "scanner.detectionCallback": "Detection_EI",
     "scanner.detectorColsPerMod": 1,
+    "scanner.detectorRowOffset": 0,
     "protocol.scanTrajectory": "Gantry_Helical",
     "protocol.startViewId": 0,
     "protocol.rotationDirection": 1,
     "protocol.startAngle": 0,
+    "protocol.rotationTime": 1,
+    "protocol.startZ": 0,
     "protocol.tableSpeed": 0,
     "protocol.tiltAngle": 0,
     "protocol.wobbleDistance": 0,
@@ -33,7 +36,6 @@ _ONLY: dict[str, Any] = {
     "scanner.detectionCallback": "Detection_EI",
     "scanner.detectorColsPerMod": 1,
     "protocol.scanTrajectory": "Gantry_Helical",
-    "protocol.tableSpeed": 0,
     "protocol.tiltAngle": 0,
 }
 
@@ -47,16 +49,35 @@ class CatSimSettings:
         rows: Number of detector rows; 0 if it is not known.
         gain: Electrons per keV in each row, or in all of them if it is one number.
         electron_noise: Standard deviation of the electronic noise, electrons; 0 if it was switched off.
+        heights: Height of the gantry in each view, mm; empty if it is not known.
+        row_height: Height of a row at the detector, mm; 0 if it is not known.
+        row_offset: Shift of the rows towards growing z, rows.
     """
 
     geometry: FanBeam
     rows: int
     gain: Sequence[float]
     electron_noise: float
+    heights: Sequence[float] = ()
+    row_height: float = 0.0
+    row_offset: float = 0.0
 
     def gain_of(self, row: int) -> float:
         """Return the electrons per keV in a row."""
         return self.gain[row % len(self.gain)]
+
+    @property
+    def cone_beam(self) -> ConeBeam:
+        """Where all rows are, the lowest first.
+
+        Raises:
+            FileFormatError: If the configuration does not say.
+        """
+        if not self.row_height:
+            raise FileFormatError("All rows need scanner.detectorRowSize, which only CatSim's .cfg files have.")
+        cone = self.geometry.cone_beam
+        detector = replace(cone.detector, rows=self.rows, row_height=self.row_height, row_offset=self.row_offset)
+        return replace(cone, trajectory=replace(cone.trajectory, z=self.heights), detector=detector)
 
 
 def read_settings(configuration: PathLike | Sequence[PathLike]) -> CatSimSettings:
@@ -115,7 +136,32 @@ def _from_values(values: dict[str, Any], names: str) -> CatSimSettings:
             f"{names}: scanner.detectionGain must be a positive number, or one per row, got {shown(gain)}."
         )
     noise = number("scanner.eNoise") if number("physics.enableElectronicNoise") else 0.0
-    return CatSimSettings(_geometry(values, names), rows, [float(one) for one in gains], noise)
+    return CatSimSettings(
+        geometry=_geometry(values, names),
+        rows=rows,
+        gain=[float(one) for one in gains],
+        electron_noise=noise,
+        heights=_heights(values, names),
+        row_height=number("scanner.detectorRowSize") if "scanner.detectorRowSize" in values else 0.0,
+        row_offset=number("scanner.detectorRowOffset"),
+    )
+
+
+def _timing(values: dict[str, Any], names: str) -> tuple[int, int, float]:
+    """Views, views a turn, and the middle of the first view, counted in views from the start of the rotation."""
+    per_rotation = _whole(_number(values, "protocol.viewsPerRotation", names), "protocol.viewsPerRotation", names)
+    views = _whole(_number(values, "protocol.viewCount", names), "protocol.viewCount", names)
+    # A pulse shorter than the view begins with it, so that its middle comes earlier.
+    early = (1 - _number(values, "protocol.dutyRatio", names)) / 2
+    return views, per_rotation, int(_number(values, "protocol.startViewId", names)) - early
+
+
+def _heights(values: dict[str, Any], names: str) -> list[float]:
+    """Height of the gantry in each view: CatSim moves the patient."""
+    views, per_rotation, first = _timing(values, names)
+    start, speed = (_number(values, f"protocol.{key}", names) for key in ("startZ", "tableSpeed"))
+    step = _number(values, "protocol.rotationTime", names) / per_rotation
+    return [-(start + (first + view) * step * speed) for view in range(views)]
 
 
 def _geometry(values: dict[str, Any], names: str) -> FanBeam:
@@ -125,12 +171,9 @@ def _geometry(values: dict[str, Any], names: str) -> FanBeam:
     direction = number("protocol.rotationDirection")
     if direction not in (1, -1):
         raise FileFormatError(f"{names}: protocol.rotationDirection must be 1 or -1, got {direction}.")
-    per_rotation = _whole(number("protocol.viewsPerRotation"), "protocol.viewsPerRotation", names)
-    views = _whole(number("protocol.viewCount"), "protocol.viewCount", names)
-    first, step = int(number("protocol.startViewId")), direction * 2 * math.pi / per_rotation
-    # A pulse shorter than the view begins with it, so that its middle comes earlier.
-    early = (1 - number("protocol.dutyRatio")) / 2
-    start = math.radians(number("protocol.startAngle")) + (first - early) * step
+    views, per_rotation, middle = _timing(values, names)
+    step = direction * 2 * math.pi / per_rotation
+    start, first = math.radians(number("protocol.startAngle")) + middle * step, int(number("protocol.startViewId"))
     return FanBeam(
         view_angles=evenly_spaced_views(views, start=start, span=views * step),
         bins=_whole(number("scanner.detectorColCount"), "scanner.detectorColCount", names),

@@ -1,18 +1,20 @@
-"""One CT image in DICOM: where it lies in the patient, and its HU."""
+"""CT images in DICOM: where they lie in the patient, and their HU."""
 
 import math
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydicom import FileDataset, dcmread
+from pydicom import Dataset, FileDataset
 from pydicom.errors import BytesLengthException, InvalidDicomError
-from pydicom.pixels.utils import pixel_array
 from pydicom.uid import UID, CTImageStorage, MediaStorageDirectoryStorage
 
+from pnpct.files.dicom_frames import FUNCTIONAL_GROUPS, frames_of
+from pnpct.files.dicom_open import dcmread_any, stored_pixels
 from pnpct.files.errors import FileFormatError
 from pnpct.files.image_series import AIR_HU, tidy_hu
 from pnpct.geometry import ImageGrid
@@ -23,11 +25,15 @@ _PADDING = ("PixelPaddingValue", "PixelPaddingRangeLimit", "PixelRepresentation"
 _KIND = ("SOPClassUID", "Modality", "ImageType", "SeriesInstanceUID", "NumberOfFrames")
 # Words from fixed lists or about the machine only: free text may name the patient.
 _DESCRIPTION = ("BodyPartExamined", "Manufacturer", "ManufacturerModelName", "ConvolutionKernel", "KVP")
-_TAGS = (*_GEOMETRY, *_RESCALE, *_PADDING, *_KIND, *_DESCRIPTION)
+_TAGS = (*_GEOMETRY, *_RESCALE, *_PADDING, *_KIND, *_DESCRIPTION, *FUNCTIONAL_GROUPS)
+_HIGHEST_HU = 31743
+"""The highest number of scanners, on their extended scale: 15 bits from -1024 HU on."""
+
 _DEFERRED_BYTES = 1024
+_STEEPEST = 0.75
+"""Sine of the largest tilt of a gantry, and more: 49 degrees."""
 _NAMES_OF_DICOM = {".dcm", ".dicom", ".ima"}
-# What pydicom raises for files that are cut or damaged.
-_DAMAGE = (
+DAMAGE = (
     AttributeError,
     BytesLengthException,
     EOFError,
@@ -40,6 +46,7 @@ _DAMAGE = (
     ValueError,
     struct.error,
 )
+"""What pydicom raises for files that are cut or damaged."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,7 @@ class Layout:
         spacing: Distance between pixel centres, mm.
         along_row: Direction in which the column number grows, (x, y) of the patient: to the left, to the back.
         along_column: Direction in which the row number grows.
+        rise: Height gained per mm in that direction: not 0 where the gantry was tilted.
     """
 
     rows: int
@@ -59,6 +67,7 @@ class Layout:
     spacing: float
     along_row: tuple[int, int]
     along_column: tuple[int, int]
+    rise: float = 0.0
 
     def upright(self, image: NDArray[Any]) -> NDArray[Any]:
         """Turn an image so that rows go from front to back, columns from the patient's right to the left."""
@@ -66,21 +75,31 @@ class Layout:
             return image.T[:: self.along_row[1], :: self.along_column[0]]
         return image[:: self.along_column[1], :: self.along_row[0]]
 
+    def as_stored(self, upright: NDArray[Any]) -> NDArray[Any]:
+        """Turn an upright image back to how it is in the file."""
+        if self.along_row[0] == 0:
+            return upright[:: self.along_row[1], :: self.along_column[0]].T
+        return upright[:: self.along_column[1], :: self.along_row[0]]
+
     def plane(self, position: tuple[float, float]) -> ImageGrid:
-        """Return the grid of an upright image.
+        """Return the grid of an upright image; that of a tilted one is around the point that its middle is above.
 
         Args:
             position: Of the first pixel, (x, y) of the patient: to the left, to the back, mm.
         """
+        level = math.sqrt(1 - self.rise**2)
         left, back = (
-            first + self.spacing * ((self.cols - 1) * row + (self.rows - 1) * column) / 2
+            first + self.spacing * ((self.cols - 1) * row + (self.rows - 1) * level * column) / 2
             for first, row, column in zip(position, self.along_row, self.along_column, strict=True)
         )
         rows, cols = (self.rows, self.cols) if self.along_row[0] else (self.cols, self.rows)
         return ImageGrid(rows, cols, self.spacing, (left, 0.0 - back))
 
     def __str__(self) -> str:
-        return f"{self.rows} x {self.cols} pixels of {self.spacing:g} mm along {self.along_row}, {self.along_column}"
+        tilt = f", tilted by {math.degrees(math.asin(self.rise)):.1f} degrees" if self.rise else ""
+        return (
+            f"{self.rows} x {self.cols} pixels of {self.spacing:g} mm along {self.along_row}, {self.along_column}{tilt}"
+        )
 
 
 @dataclass(frozen=True)
@@ -89,19 +108,21 @@ class CTSlice:
 
     Args:
         path: Its file.
-        header: The elements that are needed.
+        header: The elements that are needed, of this frame where the file holds several.
         layout: Its pixels.
         position: Of the first pixel, x, y and z of the patient, mm; z grows towards the head.
         slope: HU per unit of the stored values.
         intercept: HU of a stored 0.
+        frame: Its number in a file that holds several, from 0; None where the file is one image.
     """
 
     path: Path
-    header: FileDataset
+    header: Dataset
     layout: Layout
     position: tuple[float, float, float]
     slope: float
     intercept: float
+    frame: int | None = None
 
     @property
     def whole_numbers(self) -> bool:
@@ -125,8 +146,12 @@ class CTSlice:
         return ", ".join(["CT", *filter(None, words.values()), *([f"{float(voltage):g} kVp"] if voltage else [])])
 
 
-def read_image_header(path: Path) -> FileDataset | None:
+def read_image_header(path: Path, also: Sequence[str] = ()) -> FileDataset | None:
     """Read what is needed of a file's header; None if the file is not DICOM or holds no pixels.
+
+    Args:
+        path: The file.
+        also: Further elements that are needed.
 
     Raises:
         OSError: If the file cannot be read.
@@ -134,25 +159,25 @@ def read_image_header(path: Path) -> FileDataset | None:
     """
     try:
         # The pixels are not read, but that they begin shows that the header is complete.
-        header = dcmread(path, defer_size=_DEFERRED_BYTES, specific_tags=[*_TAGS, "PixelData"])
-        storage = header.file_meta.get("MediaStorageSOPClassUID")
+        header = dcmread_any(path, defer_size=_DEFERRED_BYTES, specific_tags=[*_TAGS, *also, "PixelData"])
+        storage = header.file_meta.get("MediaStorageSOPClassUID") or header.get("SOPClassUID")
         if "PixelData" not in header:
-            # Only the list of a disc's content has none of the elements.
-            if storage == CTImageStorage or (not len(header) and storage != MediaStorageDirectoryStorage):
+            # Only the list of a disc's content has no modality.
+            if storage == CTImageStorage or ("Modality" not in header and storage != MediaStorageDirectoryStorage):
                 raise EOFError("it ends before its pixels")
             return None
-        for name in _TAGS:
+        for name in (*_TAGS, *also):
             header.get(name)  # decoded now, where damage is expected
     except InvalidDicomError as error:
         if path.suffix.lower() in _NAMES_OF_DICOM:
             raise FileFormatError(f"{path} is not a complete DICOM file, though its name says so.") from error
         return None
-    except _DAMAGE as error:
-        raise _broken(path, error) from error
+    except DAMAGE as error:
+        raise broken(path, error) from error
     return header
 
 
-def values_of(header: FileDataset, name: str) -> list[Any]:
+def values_of(header: Dataset, name: str) -> list[Any]:
     """Return the values of an element, which may be none, one or several."""
     value = header.get(name)
     if value is None:
@@ -160,16 +185,27 @@ def values_of(header: FileDataset, name: str) -> list[Any]:
     return [value] if isinstance(value, str | float | int) else list(value)
 
 
-def slice_of(path: Path, header: FileDataset) -> CTSlice:
-    """Interpret the header of an image.
+def slices_of(path: Path, header: FileDataset) -> list[CTSlice]:
+    """Interpret the header of a file: one image, or the frames of an enhanced CT image.
 
     Args:
         path: The file.
         header: Its header, from `read_image_header`.
 
     Raises:
-        FileFormatError: If the image is not a single one in HU, with square pixels in an axial plane.
+        FileFormatError: If an image is not in HU, with square pixels in an axial plane, or in one that was tilted with
+            the gantry.
     """
+    try:
+        frames = frames_of(header)
+    except DAMAGE as error:
+        raise broken(path, error) from error
+    if not frames:
+        return [_slice_of(path, header, None)]
+    return [_slice_of(path, frame, number) for number, frame in enumerate(frames)]
+
+
+def _slice_of(path: Path, header: Dataset, frame: int | None) -> CTSlice:
     if int(header.get("NumberOfFrames") or 1) != 1:
         raise FileFormatError(f"{path} holds {header.NumberOfFrames} frames; export the series as one image per file.")
     unit = header.get("RescaleType") or "HU"
@@ -178,20 +214,30 @@ def slice_of(path: Path, header: FileDataset) -> CTSlice:
     between_rows, between_cols = _numbers(path, header, "PixelSpacing", 2)
     if not (between_rows > 0 and abs(between_rows - between_cols) <= 1e-4 * between_rows):
         raise FileFormatError(f"{path}: square pixels are needed, got {between_rows:g} x {between_cols:g} mm.")
-    directions = _numbers(path, header, "ImageOrientationPatient", 6)
-    along = [round(direction) for direction in directions]
-    tilted = max(abs(exact - near) for exact, near in zip(directions, along, strict=True)) > 1e-3
-    # Axial: one of x and y along the rows, the other along the columns.
-    if tilted or [abs(direction) for direction in along] not in ([1, 0, 0, 0, 1, 0], [0, 1, 0, 1, 0, 0]):
-        raise FileFormatError(
-            f"{path}: axial images are needed, without a tilt of the gantry, but the rows and columns of this one go "
-            f"along {directions} (ImageOrientationPatient)."
-        )
+    along_row, along_column, rise = _directions(path, header)
     (rows,), (cols,) = _numbers(path, header, "Rows", 1), _numbers(path, header, "Columns", 1)
-    layout = Layout(int(rows), int(cols), between_rows, (along[0], along[1]), (along[3], along[4]))
+    layout = Layout(int(rows), int(cols), between_rows, along_row, along_column, rise)
     x, y, z = _numbers(path, header, "ImagePositionPatient", 3)
     (slope,), (intercept,) = (_numbers(path, header, name, 1) for name in ("RescaleSlope", "RescaleIntercept"))
-    return CTSlice(path, header, layout, (x, y, z), slope, intercept)
+    return CTSlice(path, header, layout, (x, y, z), slope, intercept, frame)
+
+
+def _directions(path: Path, header: Dataset) -> tuple[tuple[int, int], tuple[int, int], float]:
+    """Where columns and rows go in the axial plane, and how steeply the rows rise with a tilted gantry."""
+    directions = _numbers(path, header, "ImageOrientationPatient", 6)
+    rise = round(directions[5], 6) if abs(directions[5]) > 1e-3 else 0.0
+    # With the gantry the columns turn about the patient's axis from right to left, and stay of unit length.
+    level = [*directions[:4], directions[4] / math.sqrt(1 - rise**2), 0.0] if abs(rise) < _STEEPEST else directions
+    along = [round(direction) for direction in level]
+    oblique = max(abs(exact - near) for exact, near in zip(level, along, strict=True)) > 1e-3
+    sideways = [abs(direction) for direction in along] == [0, 1, 0, 1, 0, 0]
+    # Axial: one of x and y along the rows, the other along the columns.
+    if oblique or not ([abs(direction) for direction in along] == [1, 0, 0, 0, 1, 0] or (sideways and not rise)):
+        raise FileFormatError(
+            f"{path}: axial images are needed, at most tilted with the gantry, but the rows and columns of this one go "
+            f"along {directions} (ImageOrientationPatient)."
+        )
+    return (along[0], along[1]), (along[3], along[4]), rise
 
 
 def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
@@ -205,15 +251,15 @@ def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
         FileFormatError: If it is cut, not grey, or compressed in a way that no installed decoder knows.
     """
     try:
-        stored = pixel_array(one.path)
-    except _DAMAGE as error:
+        stored = stored_pixels(one.path, one.frame)
+    except DAMAGE as error:
         syntax = UID(one.header.file_meta.get("TransferSyntaxUID", ""))
         if isinstance(error, NotImplementedError | RuntimeError) and syntax.is_transfer_syntax and syntax.is_compressed:
             raise FileFormatError(
                 f"{one.path}: the image is compressed ({syntax.name}) and cannot be decoded here; decompress the "
                 "series first."
             ) from error
-        raise _broken(one.path, error) from error
+        raise broken(one.path, error) from error
     if stored.shape != (one.layout.rows, one.layout.cols):
         raise FileFormatError(f"{one.path}: a grey image was needed, got values of the shape {stored.shape}.")
     hu = stored * one.slope + one.intercept
@@ -223,12 +269,14 @@ def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
         # As the pixels are stored: some scanners write the padding of signed pixels without its sign.
         low, high = sorted(np.array(ends).astype(np.int64).astype(stored.dtype).tolist())
         hu[(stored >= low) & (stored <= high)] = AIR_HU
+    if stored.dtype.kind == "u":
+        hu[hu > _HIGHEST_HU] = AIR_HU  # padding below 0 that was stored without its sign, and without its tag
     if one.whole_numbers:
         hu = np.clip(hu, np.iinfo(np.int16).min, np.iinfo(np.int16).max).astype(np.int16)
     return tidy_hu(one.layout.upright(hu))
 
 
-def _numbers(path: Path, header: FileDataset, name: str, count: int) -> list[float]:
+def _numbers(path: Path, header: Dataset, name: str, count: int) -> list[float]:
     """The finite numbers of an element; there must be just as many."""
     try:
         numbers = [float(value) for value in values_of(header, name)]
@@ -239,7 +287,8 @@ def _numbers(path: Path, header: FileDataset, name: str, count: int) -> list[flo
     return numbers
 
 
-def _broken(path: Path, error: Exception) -> Exception:
+def broken(path: Path, error: Exception) -> Exception:
+    """Return what is to be raised where pydicom has raised one of `DAMAGE`."""
     if isinstance(error, OSError) and error.errno is not None:
         return error  # nothing is known about the content
     reason = " ".join(str(error).split()).rstrip(".")

@@ -1,9 +1,12 @@
 """The package's own exception, and the check that a file is there."""
 
+import difflib
 import os
+from itertools import islice
 from pathlib import Path
 
 _LONGEST = 80
+_MOST_NAMES = 1000
 
 PathLike = str | os.PathLike[str]
 
@@ -24,10 +27,19 @@ def existing_file(path: PathLike) -> Path:
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder, but a file is needed.")
     if not path.exists():
-        raise FileNotFoundError(f"There is no file {path}.")
+        raise FileNotFoundError(f"There is no file {path}{_near(path)}.")
     if not path.is_file():
         raise OSError(f"{path} is a pipe or a device, but an ordinary file is needed; save it as one first.")
     return path
+
+
+def _near(path: Path) -> str:
+    """The name in the folder of a path that may have been meant."""
+    if not path.parent.is_dir():
+        return ""
+    names = [found.name for found in islice(path.parent.iterdir(), _MOST_NAMES)]
+    near = difflib.get_close_matches(path.name, names, n=1)
+    return f"; there is {near[0]}" if near else ""
 
 
 def resolved(path: PathLike) -> Path:

@@ -14,10 +14,6 @@ that is 6e-5 of their value, far below the noise of any scan, and makes the file
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-import torch
-from torch import Tensor
-
 from pnpct.arrays import Image
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
@@ -32,6 +28,7 @@ from pnpct.files.hdf5 import (
     write_image_dataset,
 )
 from pnpct.files.provenance import Provenance
+from pnpct.files.rounding import rounded
 from pnpct.geometry import ImageGrid, require_fan_beam, require_image_grid
 from pnpct.physics import BeamHardening, Exposure, Moments
 
@@ -85,7 +82,8 @@ def write_exposures(
             group.attrs.update(mu_water_per_mm=exposure.mu_water, electronic_noise=exposure.moments.electronic_noise)
             for name, meaning in _MEANINGS.items():
                 units = "signal" if name.endswith("mean") else "signal squared"
-                write_array(group, name, _rounded(getattr(exposure.moments, name)), units=units, description=meaning)
+                values = rounded(getattr(exposure.moments, name), bits=_KEPT_BITS)
+                write_array(group, name, values, units=units, description=meaning)
             if exposure.beam_hardening is not None:
                 group["beam_hardening"] = exposure.beam_hardening.coefficients.detach().cpu().numpy()
             if each.truth is not None and each.grid is not None:
@@ -132,11 +130,3 @@ def tube_voltages(path: PathLike) -> tuple[float, ...]:
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
         return tuple(sorted(float(name.removesuffix(" kVp")) for name in file if name.endswith(" kVp")))
-
-
-def _rounded(values: Tensor) -> Tensor:
-    """Round float32 to fewer bits, which compress better."""
-    dropped = 23 - _KEPT_BITS
-    bits = values.detach().cpu().float().numpy().view(np.uint32)
-    rounded = (bits + np.uint32(1 << (dropped - 1))) >> np.uint32(dropped) << np.uint32(dropped)
-    return torch.from_numpy(rounded.view(np.float32))

@@ -42,8 +42,12 @@ def _write(group: h5py.Group, name: str, values: Sequence[float] | NDArray[np.fl
         group.create_dataset(name, data=np.asarray(values)).attrs.update(attributes)
 
 
-def read_geometry_group(group: h5py.Group) -> Geometry:
+def read_geometry_group(group: h5py.Group, views: slice = slice(None)) -> Geometry:
     """Load what `write_geometry_group` stored.
+
+    Args:
+        group: The group.
+        views: Which views to load.
 
     Raises:
         FileFormatError: If something is missing or does not fit together.
@@ -56,8 +60,13 @@ def read_geometry_group(group: h5py.Group) -> Geometry:
             f"view angles must have the shape (views,), their heights as well, and focal-spot shifts (views, "
             f"{3 if of_rows else 2}), got {angles.shape}, {z.shape} and {shifts.shape}."
         )
+    if angles.size and not angles[views].size:
+        first, last = views.start or 0, (views.stop or angles.size) - 1
+        raise FileFormatError(f"none of the views {first} to {last} is among its {angles.size} views.")
     geometry = ConeBeam(
-        Trajectory(angles, z, [(along, away, *up, 0.0)[:3] for along, away, *up in shifts.tolist()]),
+        Trajectory(
+            angles[views], z[views], [(along, away, *up, 0.0)[:3] for along, away, *up in shifts[views].tolist()]
+        ),
         Detector(
             bins=whole_number_of(group, "bins"),
             bin_width=number_of(group, "bin_width_mm"),

@@ -168,7 +168,7 @@ def _check_keys(content: dict[str, Any], *, required: set[str], known: set[str])
     if unknown:
         raise FileFormatError(f"unknown keys: {_listed(unknown)}; known are {', '.join(sorted(known))}.")
     if missing:
-        raise FileFormatError(f"missing keys: {', '.join(missing)}.")
+        raise FileFormatError(f"missing keys: {', '.join(missing)}; add them.")
 
 
 def _listed(keys: list[str]) -> str:

@@ -1,7 +1,6 @@
 """What all pnpct's HDF5 files share: how they are made, opened, checked and described."""
 
-import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,6 +13,7 @@ from torch import Tensor
 from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
+from pnpct.files.growing_file import GrowingFile
 from pnpct.files.provenance import Provenance
 from pnpct.files.self_contained import check_self_contained
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
@@ -29,16 +29,17 @@ _LARGEST_RATIO = 1100
 
 
 @contextmanager
-def new_hdf5(path: PathLike, *, file_format: str, provenance: Provenance, description: str) -> Iterator[h5py.File]:
+def new_hdf5(
+    path: PathLike, *, file_format: str, provenance: Provenance | Callable[[], Provenance], description: str
+) -> Iterator[h5py.File]:
     """Give an HDF5 file to fill, and write it to `path` when the block has succeeded.
 
-    It grows in memory and goes to the disk in one piece: the HDF5 library crashes the process when a disk
-    fills up under it. The memory needed is twice the size of the compressed file.
+    It grows on the disk, under another name until then; the memory needed is that of what is stored at a time.
 
     Args:
         path: File to write.
         file_format: What the file is, such as "pnpct-scan".
-        provenance: How the content was made.
+        provenance: How the content was made; or a function that says so when the block has succeeded.
         description: What a reader should know of the content, in words.
 
     Yields:
@@ -47,14 +48,13 @@ def new_hdf5(path: PathLike, *, file_format: str, provenance: Provenance, descri
     Raises:
         OSError: If the file cannot be written.
     """
-    with atomic_path(path) as temporary:
-        with h5py.File(secrets.token_hex(8), "w", driver="core", backing_store=False) as file:
+    with atomic_path(path) as temporary, GrowingFile(temporary) as disk:
+        with h5py.File(disk, "w") as file:
             file.attrs.update(format=file_format, format_version=FORMAT_VERSION, description=description)
-            file.attrs["provenance"] = provenance.to_json()
             yield file
-            file.flush()
-            content = file.id.get_file_image()
-        temporary.write_bytes(content)
+            known = provenance if isinstance(provenance, Provenance) else provenance()
+            file.attrs["provenance"] = known.to_json()
+        disk.raise_failure()
 
 
 @contextmanager
@@ -91,7 +91,8 @@ def _check_format(file: h5py.File, formats: Sequence[str]) -> None:
     if not isinstance(found, str) or not isinstance(number, np.integer):
         raise FileFormatError("an HDF5 file, but not one of pnpct's (no root attributes format and format_version).")
     if formats and found not in formats:
-        raise FileFormatError(f'a file of the format "{found}" was given where "{" or ".join(formats)}" was needed.')
+        needed = " or ".join(formats)
+        raise FileFormatError(f'a file of the format "{found}" was given where "{needed}" was needed; choose another.')
     if number > FORMAT_VERSION:
         raise FileFormatError(
             f"its format version {number} is newer than the {FORMAT_VERSION} known here; update pnpct."
@@ -115,19 +116,32 @@ def _what_is_wrong(error: Exception) -> str:
 
 def write_array(group: h5py.Group, name: str, values: Tensor, *, units: str, description: str) -> h5py.Dataset:
     """Store an array as float32 with its unit, compressed in blocks of whole rows."""
-    array = values.detach().cpu().numpy().astype(np.float32)
+    dataset = new_array(group, name, tuple(values.shape), units=units, description=description)
+    dataset[()] = values.detach().cpu().numpy().astype(np.float32)
+    return dataset
+
+
+def new_array(group: h5py.Group, name: str, shape: tuple[int, ...], *, units: str, description: str) -> h5py.Dataset:
+    """Make room for an array of float32, as `write_array` does, to be filled in parts."""
     options: dict[str, Any] = {}
-    if array.ndim >= 2 and array.size:
-        rows = max(1, min(array.shape[-2], _CHUNK_BYTES // (4 * array.shape[-1])))
-        chunks = (1,) * (array.ndim - 2) + (rows, array.shape[-1])
-        options = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
-    dataset = group.create_dataset(name, data=array, **options)
+    if len(shape) >= 2 and all(shape):
+        left, chunks = _CHUNK_BYTES // 4, list[int]()
+        for length in reversed(shape):
+            chunks.insert(0, max(1, min(length, left)) if chunks else length)
+            left //= chunks[0]
+        options = {"chunks": tuple(chunks), "compression": "gzip", "compression_opts": 1, "shuffle": True}
+    dataset = group.create_dataset(name, shape, np.float32, **options)
     dataset.attrs.update(units=units, description=description)
     return dataset
 
 
-def read_array(group: h5py.Group, name: str) -> Float[Tensor, "..."]:
-    """Load a dataset of finite numbers.
+def read_array(group: h5py.Group, name: str, part: tuple[Any, ...] = ()) -> Float[Tensor, "..."]:
+    """Load a dataset of finite numbers, or a part of it.
+
+    Args:
+        group: Where it is.
+        name: Its name.
+        part: Which part, as h5py indexes it.
 
     Raises:
         FileFormatError: If it is missing or empty, holds something else, or declares more than the file can hold.
@@ -145,7 +159,7 @@ def read_array(group: h5py.Group, name: str) -> Float[Tensor, "..."]:
             f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
             "of it; create the file again."
         )
-    values = torch.from_numpy(np.asarray(dataset[()]))
+    values = torch.from_numpy(np.asarray(dataset[part]))
     values = values if values.is_floating_point() else values.double()
     if not values.isfinite().all():
         raise FileFormatError(f"{dataset.name} holds values that are not finite; create the file again.")

@@ -32,6 +32,13 @@ from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu, to_hu
 
 FORMAT = "pnpct-image"
+_SILENT: Any = nib.imageglobals.LoggingOutputSuppressor  # nibabel reports to stderr what it mends
+_DIVERGED_HU, _LARGEST_HU = 1e9, 1e6
+"""What no image has, nor a map of other values; and no matter, as files from elsewhere hold it."""
+
+_OTHER_UNIT = 20.0
+"""An image of no larger values has no air, and hardly HU: it may be of 0 to 1, or 1/cm."""
+
 _NARROWEST_WINDOW, _WIDEST_WINDOW = 1e-3, 1e5
 
 
@@ -67,6 +74,8 @@ def write_image(
         raise ValueError(f"The image must end in the grid's {grid.shape}, got {tuple(image.shape)}.")
     if not image.isfinite().all():
         raise ValueError(f"{path} was not written: the image holds values that are not finite.")
+    if (largest := float(to_hu(image.detach()).abs().max())) > _DIVERGED_HU:
+        raise ValueError(f"{path} was not written: the image holds {largest:.4g} HU, more than any matter has.")
     if suffix.startswith(".nii") and batch:
         raise ValueError(
             f"{suffix} files hold one image or one volume, got a batch of the shape {tuple(image.shape)}; use .h5."
@@ -163,13 +172,13 @@ def _write_nifti(path: PathLike, image: Image | Volume, grid: Grid, provenance: 
 def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     existing_file(path)
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
+        with warnings.catch_warnings(), np.errstate(all="ignore"), _SILENT():
             warnings.simplefilter("ignore")  # what does not fit is refused below
-            voxels, affine, axes = _canonical(path)
+            voxels, affine, axes, own = _canonical(path)
     except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
         reason = " ".join(str(error).split())
         raise FileFormatError(f"{path}: this is not a complete NIfTI file ({reason}).") from error
-    if voxels.ndim != 3 or not np.isfinite(voxels).all():
+    if voxels.ndim != 3 or not voxels.size or not np.isfinite(voxels).all():
         raise FileFormatError(f"{path}: finite HU along two or three axes were needed, got the shape {voxels.shape}.")
     directions = affine[:3, :3]
     spacing, slice_spacing = float(directions[0, 0]), float(directions[2, 2])
@@ -177,6 +186,14 @@ def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     off_axis = not np.allclose(directions, aligned, rtol=1e-4, atol=1e-4 * spacing)
     if not min(spacing, slice_spacing) > 0 or off_axis or (axes == 2 and voxels.shape[2] != 1):
         raise FileFormatError(f"{path}: square pixels along the patient's axes were needed, got {directions.tolist()}.")
+    low, high = voxels.min(), voxels.max()
+    if not own and -_OTHER_UNIT <= low <= high <= _OTHER_UNIT:
+        raise FileFormatError(
+            f"{path}: HU were needed, where air is -1000, but the values go from {low:g} to {high:g}; are they in "
+            "another unit, such as 0 to 1?"
+        )
+    if not -_LARGEST_HU <= low <= high <= _LARGEST_HU:
+        raise FileFormatError(f"{path}: values from {low:g} to {high:g} are no HU; is the file damaged?")
     # The file has float32: the shortest number with the same float32 is the one that was meant.
     spacing, slice_spacing = float(str(np.float32(spacing))), float(str(np.float32(slice_spacing)))
     middle = affine[:3, 3] + (np.asarray(voxels.shape) - 1) / 2 * [spacing, spacing, slice_spacing]
@@ -187,17 +204,18 @@ def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     return (image[0], plane) if axes == 2 else (image, VolumeGrid(plane, slices, slice_spacing, head))
 
 
-def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Read voxels in the order RAS+, their affine, and the number of axes that the file has for them, 2 or 3.
+def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
+    """Read voxels in the order RAS+, their affine, how many axes the file has for them, and whether it is pnpct's.
 
     More axes than three, where they are not of one time, come as they are.
     """
     nib_: Any = nib  # which has no types here
     nifti = nib_.load(path)
     voxels, affine = np.asarray(nifti.dataobj, dtype=np.float64), np.array(nifti.affine, dtype=np.float64)
+    own = bytes(np.asarray(nifti.header.get("descrip", b"")).item()).startswith(b"pnpct")
     if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:
-        return voxels, affine, voxels.ndim
+        return voxels, affine, voxels.ndim, own
     if voxels.ndim == 2:
         affine[:3, 2] = np.cross(affine[:3, 0], affine[:3, 1])  # whatever the header says of an axis that is not there
     turned = nib_.as_closest_canonical(nib_.Nifti1Image(voxels.reshape((*voxels.shape, 1)[:3]), affine))
-    return np.asarray(turned.dataobj), np.asarray(turned.affine), min(voxels.ndim, 3)
+    return np.asarray(turned.dataobj), np.asarray(turned.affine), min(voxels.ndim, 3), own

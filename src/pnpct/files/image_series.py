@@ -6,17 +6,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Float32, Int16
 from numpy.typing import NDArray
 
+from pnpct.arrays import Volume
 from pnpct.files.array_file import load_array
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.geometry import ImageGrid, VolumeGrid
+from pnpct.units import from_hu
 
 AIR_HU = -1000
 LOWEST_HU = -1024
 """The lowest number that scanners give to tissue or air; lower values stand for pixels that were not imaged."""
-_UNEVEN = 0.2
+_GAP = 0.2
+_UNEVEN_HEIGHT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +32,10 @@ class ImageSeries:
     Args:
         image_hu: HU, slices from the feet to the head; pixels that were not imaged are air, -1000 HU.
         plane: Where the pixels are, as in the file; (0, 0) is the centre if it has none.
-        z: Heights of the slices, mm, growing towards the head; evenly spaced within 20 %.
+        z: Heights of the slices, mm, growing towards the head, without a gap.
         description: Where the images come from, in words: scanner, kernel, voltage.
         slice_thickness: As in the file, mm; None if it has none. It is the spacing of a single slice.
+        notes: What was done to the images of the file, a sentence each, for the user to read.
 
     Raises:
         ValueError: If the sizes do not fit together, a value is not finite, or the heights do not grow or
@@ -47,6 +52,7 @@ class ImageSeries:
     z: tuple[float, ...]
     description: str
     slice_thickness: float | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         expected = (len(self.z), *self.plane.shape)
@@ -57,12 +63,25 @@ class ImageSeries:
         check_heights(self.z)
 
     @property
+    def is_even(self) -> bool:
+        """Whether the slices are evenly spaced, within a tenth of their mean distance."""
+        even = np.linspace(self.z[0], self.z[-1], len(self.z))
+        return bool(np.abs(even - self.z).max() <= _UNEVEN_HEIGHT * (even[1] - even[0] if len(even) > 1 else 1.0))
+
+    @property
+    def image(self) -> Volume:
+        """The images relative to water."""
+        return from_hu(torch.from_numpy(self.image_hu.astype(np.float32)))
+
+    @property
     def grid(self) -> VolumeGrid:
         """Where the pixels are, with the mean distance of neighbouring slices.
 
         Raises:
-            ValueError: If there is one slice alone, and no thickness is known.
+            ValueError: If there is one slice alone and no thickness is known, or the slices are not evenly spaced.
         """
+        if not self.is_even:
+            raise ValueError("The slices of this series are not evenly spaced; resample it with evenly_spaced first.")
         slices, (low, high) = len(self.z), (self.z[0], self.z[-1])
         spacing = (high - low) / (slices - 1) if slices > 1 else self.slice_thickness
         if spacing is None:
@@ -71,14 +90,14 @@ class ImageSeries:
 
 
 def check_heights(z: Sequence[float]) -> None:
-    """Check that slices follow one another without a gap.
+    """Check that slices follow one another without a gap; their distance may change from place to place.
 
     Args:
         z: Heights of the slices, mm.
 
     Raises:
-        ValueError: If there is none, one is not finite, they do not grow, or a distance between neighbours
-            differs by more than 20 % from the median distance.
+        ValueError: If there is none, one is not finite, they do not grow, or a slice seems to be missing: a distance is
+            larger by more than 20 % than those on both of its sides.
     """
     if not len(z):
         raise ValueError("A series needs at least one slice, got none.")
@@ -92,17 +111,11 @@ def check_heights(z: Sequence[float]) -> None:
         raise ValueError(f"The heights of slices must grow, but z = {z[at + 1]:g} mm follows on {z[at]:g} mm.")
     if steps[at] < 1e-3:
         raise ValueError(f"Two slices are at the same height, z = {z[at]:g} mm; keep one acquisition only.")
-    usual = float(np.median(steps))
-    at = int(np.argmax(np.abs(steps - usual)))
-    if steps[at] > (1 + _UNEVEN) * usual:
+    beside = np.maximum(steps[:-2], steps[2:])
+    for gap in np.flatnonzero(steps[1:-1] > (1 + _GAP) * beside).tolist():
         raise ValueError(
-            f"A slice is missing: there is none from z = {z[at]:g} to {z[at + 1]:g} mm, where the others are "
-            f"{usual:g} mm apart."
-        )
-    if steps[at] < (1 - _UNEVEN) * usual:
-        raise ValueError(
-            f"The slices are not evenly spaced: those at z = {z[at]:g} and {z[at + 1]:g} mm are "
-            f"{steps[at]:g} mm apart, the others {usual:g} mm."
+            f"A slice is missing: there is none from z = {z[gap + 1]:g} to {z[gap + 2]:g} mm, where the others are "
+            f"{beside[gap]:g} mm apart."
         )
 
 

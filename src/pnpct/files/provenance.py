@@ -24,7 +24,7 @@ class Provenance:
         command: The command line, word by word.
         version: Version of pnpct.
         seed: Seed of the random numbers, None if there were none.
-        inputs: SHA-256 of each input file, in hexadecimal, by the file's name.
+        inputs: SHA-256 of each input file or folder, in hexadecimal, by its name.
         settings: Whatever else is worth recording, in plain values: numbers, strings, lists, dictionaries.
 
     Raises:
@@ -101,14 +101,14 @@ def record_run(
 
     Args:
         command: The command line, word by word.
-        inputs: The files that are read.
+        inputs: The files and folders that are read.
         seed: Seed of the random numbers, None if there are none.
         settings: Further plain values worth recording.
 
     Raises:
         OSError: If an input cannot be read.
     """
-    fingerprints = {str(path): sha256_of(path) for path in inputs}
+    fingerprints = {str(path): sha256_of_folder(path) if Path(path).is_dir() else sha256_of(path) for path in inputs}
     return Provenance(command, version("pnpct"), seed=seed, inputs=fingerprints, settings=settings or {})
 
 
@@ -120,6 +120,24 @@ def sha256_of(path: PathLike) -> str:
     """
     with existing_file(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def sha256_of_files(paths: Sequence[Path]) -> str:
+    """Return the SHA-256 of the names and contents of several files, in hexadecimal.
+
+    Raises:
+        OSError: If one cannot be read.
+    """
+    return hashlib.sha256("".join(f"{path.name} {sha256_of(path)}\n" for path in paths).encode()).hexdigest()
+
+
+def sha256_of_folder(path: PathLike) -> str:
+    """Return the SHA-256 of the names and contents of the files in a folder, in hexadecimal.
+
+    Raises:
+        OSError: If there is no such folder, or a file cannot be read.
+    """
+    return sha256_of_files(sorted(file for file in Path(path).iterdir() if file.is_file()))
 
 
 def write_sidecar(artefact_path: PathLike, provenance: Provenance) -> Path:

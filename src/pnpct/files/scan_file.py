@@ -17,21 +17,26 @@ The root has the attributes format ("pnpct-scan"), format_version, description, 
 mu_water_per_mm; each dataset has units and a description. Detector rows begin with the lowest.
 """
 
+from collections.abc import Callable, Iterable
+
+import h5py
+from torch import Tensor
+
 from pnpct.arrays import Image, Volume
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
 from pnpct.files.hdf5 import (
     group_of,
+    new_array,
     new_hdf5,
     number_of,
     open_hdf5,
     read_array,
     read_image_dataset,
-    write_array,
     write_image_dataset,
 )
 from pnpct.files.provenance import Provenance
-from pnpct.geometry import Grid
+from pnpct.geometry import Geometry, Grid
 from pnpct.physics import BeamHardening, Scan
 
 FORMAT = "pnpct-scan"
@@ -61,49 +66,137 @@ def write_scan(
         ValueError: If the truth does not fit its grid.
     """
     with new_hdf5(path, file_format=FORMAT, provenance=provenance, description=description) as file:
-        file.attrs["mu_water_per_mm"] = scan.mu_water
-        write_array(file, "counts", scan.counts, units="quanta", description="what the detector counted")
-        write_array(file, "incident", scan.incident, units="quanta", description="counts expected without an object")
-        noise = file.create_dataset("electronic_noise", data=float(scan.electronic_noise))
-        noise.attrs.update(units="quanta", description="standard deviation of the electronic noise in each count")
-        write_geometry_group(file.create_group("geometry"), scan.geometry)
-        if scan.beam_hardening is not None:
-            coefficients = scan.beam_hardening.coefficients.detach().cpu().numpy()
-            dataset = file.create_dataset("beam_hardening/coefficients", data=coefficients)
-            meaning = "polynomials, highest power first, from measured line integrals to those of one energy"
-            dataset.attrs.update(units="1", description=meaning)
+        _fill(file, scan.geometry, [scan])
         if truth is not None:
             write_image_dataset(file.create_group("truth"), *truth, description="the object that was scanned")
 
 
-def read_scan(path: PathLike) -> Scan:
-    """Read a scan; its tensors are on the CPU.
+def write_scan_slabs(
+    path: PathLike,
+    geometry: Geometry,
+    slabs: Iterable[Scan],
+    *,
+    provenance: Provenance | Callable[[], Provenance],
+    description: str = "",
+) -> None:
+    """Write a scan of which only a few views at a time need to be in memory; the file is that of `write_scan`.
+
+    Args:
+        path: File to write; an existing one is replaced.
+        geometry: Where all rays are.
+        slabs: The scan in pieces of consecutive views, from the first view to the last.
+        provenance: How it was made; or a function that says so after the last slab.
+        description: What a reader should know, in words.
+
+    Raises:
+        OSError: If the file cannot be written.
+        ValueError: If the slabs are not pieces of one scan with this geometry.
+    """
+    with new_hdf5(path, file_format=FORMAT, provenance=provenance, description=description) as file:
+        _fill(file, geometry, slabs)
+
+
+def _fill(file: h5py.File, geometry: Geometry, slabs: Iterable[Scan]) -> None:
+    write_geometry_group(file.create_group("geometry"), geometry)
+    axis, done, first = -len(geometry.shape), 0, None
+    for slab in slabs:
+        after = done + slab.geometry.views
+        if after > geometry.views or slab.geometry != geometry[done:after]:
+            raise ValueError(f"A slab of the views {done} to {after - 1} was needed, got one with another geometry.")
+        if first is None:
+            first = slab
+            _begin(file, slab, views=geometry.views)
+        part = (..., slice(done, after), *[slice(None)] * (-axis - 1))
+        file["counts"][part] = slab.counts.detach().cpu().numpy()
+        if per_view := _per_view(file["incident"].shape, geometry.shape):
+            file["incident"][part] = slab.incident.detach().cpu().numpy()
+        if _of_all_views(slab, per_view) != _of_all_views(first, per_view):
+            raise ValueError("The slabs of a scan must agree in all but their views, but the later ones differ.")
+        done = after
+    if done != geometry.views:
+        raise ValueError(f"The slabs must have all {geometry.views} views, got {done}.")
+
+
+def _begin(file: h5py.File, scan: Scan, *, views: int) -> None:
+    """Store what is not of a view, and make room for what is."""
+    file.attrs["mu_water_per_mm"] = scan.mu_water
+    axis = -len(scan.geometry.shape)
+
+    def room(name: str, values: Tensor, description: str) -> h5py.Dataset:
+        shape = list(values.shape)
+        if _per_view(tuple(shape), scan.geometry.shape):
+            shape[axis] = views
+        return new_array(file, name, tuple(shape), units="quanta", description=description)
+
+    room("counts", scan.counts, "what the detector counted")
+    incident = room("incident", scan.incident, "counts expected without an object")
+    if incident.shape == tuple(scan.incident.shape):
+        incident[()] = scan.incident.detach().cpu().numpy()
+    noise = file.create_dataset("electronic_noise", data=float(scan.electronic_noise))
+    noise.attrs.update(units="quanta", description="standard deviation of the electronic noise in each count")
+    if scan.beam_hardening is not None:
+        coefficients = scan.beam_hardening.coefficients.detach().cpu().numpy()
+        dataset = file.create_dataset("beam_hardening/coefficients", data=coefficients)
+        meaning = "polynomials, highest power first, from measured line integrals to those of one energy"
+        dataset.attrs.update(units="1", description=meaning)
+
+
+def _per_view(shape: tuple[int, ...], of_rays: tuple[int, ...]) -> bool:
+    """Whether an array that broadcasts to the rays has an entry for each view."""
+    return len(shape) >= len(of_rays) and shape[-len(of_rays)] == of_rays[0]
+
+
+def _of_all_views(scan: Scan, per_view: bool) -> tuple[object, ...]:
+    """What must be the same in all slabs of a scan."""
+    hardening = scan.beam_hardening.coefficients.tolist() if scan.beam_hardening else None
+    return scan.mu_water, scan.electronic_noise, hardening, None if per_view else scan.incident.tolist()
+
+
+def read_scan(path: PathLike, *, views: slice = slice(None)) -> Scan:
+    """Read a scan, or some views of it; its tensors are on the CPU.
+
+    Args:
+        path: The file.
+        views: Which views to read, for scans that are larger than the memory; its step must be positive.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not a complete scan that fits together; the sentence says what is wrong.
+        FileFormatError: If it is not a complete scan that fits together, or has none of the views.
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
-        geometry = read_geometry_group(group_of(file, "geometry"))
-        counts = read_array(file, "counts")
-        if tuple(counts.shape[counts.ndim - len(geometry.shape) :]) != geometry.shape:
-            raise FileFormatError(
-                f"the counts have the shape {tuple(counts.shape)}, but the geometry is for {geometry.shape}."
-            )
+        geometry = read_geometry_group(group_of(file, "geometry"), views)
+        shape = (len(file["geometry/view_angles"]), *geometry.shape[1:])
+        part = (..., views, *[slice(None)] * (len(shape) - 1))
+        counts = read_array(file, "counts", part)
+        if file["counts"].shape[-len(shape) :] != shape:
+            raise FileFormatError(f"the counts have the shape {file['counts'].shape}, but the geometry is for {shape}.")
         noise = read_array(file, "electronic_noise")
         if noise.ndim:
             raise FileFormatError(f"/electronic_noise must be one number, got the shape {tuple(noise.shape)}.")
         hardening = None
         if "beam_hardening" in file:
             hardening = BeamHardening(read_array(group_of(file, "beam_hardening"), "coefficients"))
+        incident = file.get("incident")
+        per_view = isinstance(incident, h5py.Dataset) and _per_view(incident.shape or (), shape)
         return Scan(
             counts=counts,
-            incident=read_array(file, "incident"),
+            incident=read_array(file, "incident", part if per_view else ()),
             electronic_noise=float(noise),
             geometry=geometry,
             mu_water=number_of(file, "mu_water_per_mm"),
             beam_hardening=hardening,
         )
+
+
+def read_scan_geometry(path: PathLike) -> Geometry:
+    """Read where the rays of a scan are, and nothing else.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If it is not a scan, or its geometry does not fit together.
+    """
+    with open_hdf5(path, formats=(FORMAT,)) as file:
+        return read_geometry_group(group_of(file, "geometry"))
 
 
 def read_truth(path: PathLike) -> tuple[Image | Volume, Grid] | None:

@@ -7,9 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnpct.geometry.detector import Detector
+from pnpct.geometry.image_grid import ImageGrid
 from pnpct.geometry.trajectory import Trajectory, Views
 
 Points = NDArray[np.float64]
+
+DEFAULT_SIZE = 512
+"""Rows and columns of an image whose size was not given."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class ConeBeam:
         if self.source_to_detector <= self.source_to_isocenter:
             raise ValueError(
                 f"The detector must lie beyond the isocentre: source_to_detector is {self.source_to_detector} mm, "
-                f"source_to_isocenter {self.source_to_isocenter} mm."
+                f"source_to_isocenter {self.source_to_isocenter} mm; give both from the focal spot."
             )
         edges = self.fan_angle_edges
         if max(abs(edges[0]), abs(edges[-1])) >= math.pi / 2:
@@ -115,6 +119,17 @@ class ConeBeam:
         """Radius of the circle about the axis that the wider side of the fan reaches, mm."""
         widest = float(np.abs(self.fan_angle_edges[[0, -1]]).max())
         return self.source_to_isocenter * math.sin(widest)
+
+    def grid(self, size: int = DEFAULT_SIZE) -> ImageGrid:
+        """Return square pixels over the field of view of the fan.
+
+        Args:
+            size: Rows and columns, at least 1.
+
+        Raises:
+            ValueError: If there is no row.
+        """
+        return ImageGrid(size, size, spacing=2 * self.field_of_view_radius / max(size, 1))
 
     def focal_spots(self) -> Points:
         """Return where the focal spot is in each view: (views, 3), mm."""

@@ -1,14 +1,15 @@
 """A focal spot, one row of detector cells, and the views they take of one plane."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pnpct.geometry.cone_beam import ConeBeam, Points
+from pnpct.geometry.cone_beam import DEFAULT_SIZE, ConeBeam, Points
 from pnpct.geometry.detector import Detector
 from pnpct.geometry.image_grid import ImageGrid
 from pnpct.geometry.trajectory import Trajectory, Views
@@ -135,16 +136,24 @@ class FanBeam:
         """Radius of the circle about the isocentre that the wider side of the fan reaches, mm."""
         return self.cone_beam.field_of_view_radius
 
-    def grid(self, size: int = 512) -> ImageGrid:
-        """Return square pixels over the field of view of the fan.
+    def grid(self, size: int = DEFAULT_SIZE) -> ImageGrid:
+        """Return square pixels over the field of view of the fan, as `ConeBeam.grid` does."""
+        return self.cone_beam.grid(size)
+
+    def widened(self, before: int, after: int) -> "FanBeam":
+        """Return the same views with more bins at both ends of the fan.
 
         Args:
-            size: Rows and columns, at least 1.
-
-        Raises:
-            ValueError: If there is no row.
+            before: Bins before the first one, at least 0.
+            after: Bins after the last one, at least 0.
         """
-        return ImageGrid(size, size, spacing=2 * self.field_of_view_radius / max(size, 1))
+        edges = self.fan_angle_edges
+        if self.detector == "arc":
+            middle = (edges[0] + edges[-1] + (after - before) * (edges[1] - edges[0])) / 2
+            offset = math.tan(middle) * self.source_to_detector / self.bin_width
+        else:
+            offset = self.detector_offset + (after - before) / 2
+        return replace(self, bins=self.bins + before + after, detector_offset=offset)
 
     def focal_spots(self) -> Points:
         """Return where the focal spot is in each view: (views, 2), mm."""

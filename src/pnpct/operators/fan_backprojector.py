@@ -40,8 +40,8 @@ class FanBackprojector:
     def __init__(self, grid: ImageGrid, geometry: FanBeam) -> None:
         if geometry.focal_spot_shifts:
             raise ValueError(
-                "Filtered back-projection takes a focal spot that stays in place, got one shift per view; "
-                "reconstruct iteratively instead."
+                "Fan-beam back-projection takes a focal spot that stays in place, got one shift per view; take the "
+                "views with one distance of the focal spot at a time, as fbp does."
             )
         widest = np.abs(geometry.fan_angle_edges).max()
         if widest > WIDEST_FAN:

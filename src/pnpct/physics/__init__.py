@@ -2,11 +2,15 @@
 
 from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction
 from pnpct.physics.exposure import Exposure
+from pnpct.physics.half_turn import column_shift, half_turn_views
+from pnpct.physics.incident_estimate import MOST_QUANTA, estimate_incident
 from pnpct.physics.scan import Moments, Scan, scan_from_moments, simulate_counts
 from pnpct.physics.sinogram import Sinogram, take_log
+from pnpct.physics.unmeasured import dead_cells
 from pnpct.physics.weights import BandedWeights, DiagonalWeights, Weights
 
 __all__ = [
+    "MOST_QUANTA",
     "BandedWeights",
     "BeamHardening",
     "DiagonalWeights",
@@ -15,7 +19,11 @@ __all__ = [
     "Scan",
     "Sinogram",
     "Weights",
+    "column_shift",
+    "dead_cells",
+    "estimate_incident",
     "fit_water_correction",
+    "half_turn_views",
     "scan_from_moments",
     "simulate_counts",
     "take_log",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
@@ -32,8 +32,9 @@ class Scan:
 
     Args:
         counts: What each ray counted, quanta.
-        incident: What each ray would have counted without object, quanta, > 0: one number, one per bin, one
-            per view as (views, 1), or one per ray; with detector rows whatever broadcasts to (views, rows, bins).
+        incident: What each ray would have counted without object, quanta, > 0, or 0 where a ray was not measured: one
+            number, one per bin, one per view as (views, 1), or one per ray; with detector rows whatever broadcasts to
+            (views, rows, bins).
         electronic_noise: Standard deviation of the electronic noise of a count, quanta, ≥ 0.
         geometry: Where the rays are.
         mu_water: Attenuation of water at the effective energy (after the beam-hardening correction), 1/mm.
@@ -71,7 +72,11 @@ class Scan:
             raise ValueError(f"Counts must end in {axes} = {shape}, got {tuple(self.counts.shape)}.")
         if not _broadcasts(self.incident, shape):
             raise ValueError(f"incident must broadcast to {axes} = {shape}, got {tuple(self.incident.shape)}.")
-        _positive("incident", self.incident)
+        if not bool((self.incident.isfinite() & (self.incident >= 0)).all()) or not bool(self.incident.any()):
+            raise ValueError(
+                "incident must be positive and finite, or 0 where a ray was not measured; its values go from "
+                f"{float(self.incident.min()):.6g} to {float(self.incident.max()):.6g}."
+            )
         _not_negative("electronic_noise", self.electronic_noise)
         if not (math.isfinite(self.mu_water) and self.mu_water > 0):
             raise ValueError(f"mu_water must be a positive attenuation in 1/mm, got {self.mu_water}.")
@@ -81,6 +86,11 @@ class Scan:
                 f"The beam-hardening correction is for {self.beam_hardening.coefficients.shape[0]} bins, the "
                 f"scan has {self.geometry.bins}."
             )
+
+    @property
+    def measured(self) -> Bool[Tensor, "..."]:
+        """Whether each ray was measured; it broadcasts like `incident`."""
+        return self.incident > 0
 
     def __getitem__(self, views: Views) -> "Scan":
         numbers = torch.from_numpy(view_numbers(views, self.geometry.views)).to(self.counts.device)

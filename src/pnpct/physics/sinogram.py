@@ -6,13 +6,14 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
-from pnpct.geometry import Geometry, require_fan_beam
+from pnpct.geometry import ConeBeam, Geometry
 from pnpct.physics.scan import Scan
+from pnpct.physics.unmeasured import fill_along_detector
 from pnpct.physics.weights import DiagonalWeights, Weights
 
 
@@ -66,12 +67,15 @@ def take_log(
     the fit. With a beam-hardening correction h, line integrals are h(y) and weights e/h′²; both stay on an
     absolute scale.
 
+    Rays that were not measured have the weight 0, and take no part in the smoothing. Their line integrals, which only
+    FBP uses, are interpolated along the detector.
+
     Args:
         scan: The scan.
         smoothing: Standard deviation of the Gaussian that gives l, in bins along the detector, and along the
             views as many views, but no further than a point halfway out in the field of view moves by as many
-            bins. 0 for none: each weight comes from its own count, and the logarithm reaches down to the
-            larger of s and one quantum.
+            bins; of a cone beam along the rows instead, so that each view stands alone. 0 for none: each weight
+            comes from its own count, and the logarithm reaches down to the larger of s and one quantum.
         low_counts: Noise-equivalent counts up to which the tangent replaces the logarithm, ≥ 0.
         weight: "statistical", or "uniform": the mean of the statistical weights in every ray.
 
@@ -79,7 +83,7 @@ def take_log(
         Line integrals, dimensionless, and weights, 1/variance for "statistical".
 
     Raises:
-        ValueError: If an option is out of range, or the counts of a cone beam are to be smoothed.
+        ValueError: If an option is out of range.
 
     References:
         Thibault et al., Proc. SPIE 6065 (2006) 60650X: positive counts by local averaging, electronic noise
@@ -100,10 +104,11 @@ def take_log(
             raise ValueError(f"{name} must be finite and not negative, got {value}.")
     if weight not in ("statistical", "uniform"):
         raise ValueError(f'The weight is "statistical" or "uniform", got "{weight}".')
-    counts, incident = scan.counts, scan.incident.to(scan.counts)
+    measured = scan.measured.to(scan.counts.device)
+    counts, incident = scan.counts, scan.incident.to(scan.counts).where(measured, 1.0)
     floor = max(1.0, scan.electronic_noise)
     # Transmissions are smoothed, not counts: tube current and bow-tie filter may change from ray to ray.
-    smooth = incident * _smooth(counts / incident, scan.geometry, smoothing)
+    smooth = incident * _smooth(counts / incident, scan.geometry, smoothing, measured)
     equivalent = _noise_equivalent(smooth, scan.electronic_noise)
     above = smooth.clamp_min(floor)
     tangent = above.log() + (counts - above) / above
@@ -112,8 +117,11 @@ def take_log(
     if scan.beam_hardening is not None:
         slope = scan.beam_hardening.slope((incident / above).log())
         line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
-    values = equivalent if weight == "statistical" else equivalent.mean().expand_as(counts)
-    return Sinogram(line_integrals, DiagonalWeights(values, scan.geometry.shape))
+    if weight == "uniform":
+        equivalent = equivalent[measured.expand_as(equivalent)].mean().expand_as(counts)
+    if not bool(measured.all()):
+        line_integrals, equivalent = fill_along_detector(line_integrals, measured), equivalent.where(measured, 0.0)
+    return Sinogram(line_integrals, DiagonalWeights(equivalent, scan.geometry.shape))
 
 
 def _noise_equivalent(counts: Tensor, electronic_noise: float) -> Tensor:
@@ -127,21 +135,39 @@ def _extended_log(counts: Tensor, start: float) -> Tensor:
     return counts.clamp_min(start).log() + (counts / start - 1).clamp_max(0.0)
 
 
-def _smooth(transmission: Rays | ConeRays, geometry: Geometry, smoothing: float) -> Rays | ConeRays:
-    """Gaussian means over neighbours; as matrices, so that views may come in any order and with gaps."""
+def _smooth(
+    transmission: Rays | ConeRays, geometry: Geometry, smoothing: float, measured: Bool[Tensor, "..."]
+) -> Rays | ConeRays:
+    """Gaussian means over measured neighbours; as matrices, so that views may come in any order and with gaps."""
     if smoothing == 0:
         return transmission
-    geometry = require_fan_beam(geometry)
+    over_bins = _neighbours(geometry.bins, smoothing, transmission)
+    if isinstance(geometry, ConeBeam):
+        over_rows = _neighbours(geometry.rows, smoothing, transmission)
+        return _means(over_rows, transmission, over_bins, measured)
     angles = np.asarray(geometry.view_angles)
     apart = (angles[:, None] - angles + np.pi) % (2 * np.pi) - np.pi
     steps = np.diff(np.unique((angles % (2 * np.pi)).round(9)))
     step = float(np.median(steps)) if steps.size else math.inf
     # Few views are far apart: their neighbours see something else, and would blur the object.
     step = min(step, geometry.bin_width_at_isocenter / (geometry.field_of_view_radius / 2))
-    numbers = np.arange(geometry.bins)
     over_views = _gaussian(apart / (smoothing * step), transmission)
-    over_bins = _gaussian((numbers[:, None] - numbers) / smoothing, transmission)
-    return over_views @ transmission @ over_bins.T
+    return _means(over_views, transmission, over_bins, measured)
+
+
+def _means(
+    down: Float[Tensor, "r r"], rays: Rays | ConeRays, across: Float[Tensor, "c c"], measured: Bool[Tensor, "..."]
+) -> Rays | ConeRays:
+    """Weighted means along the last two axes, of the rays that were measured."""
+    if bool(measured.all()):
+        return down @ rays @ across.T
+    shares = down @ measured.to(rays).expand(rays.shape) @ across.T
+    return (down @ rays.where(measured, 0.0) @ across.T) / shares.clamp_min(torch.finfo(rays.dtype).tiny)
+
+
+def _neighbours(count: int, smoothing: float, like: Tensor) -> Float[Tensor, "n n"]:
+    numbers = np.arange(count)
+    return _gaussian((numbers[:, None] - numbers) / smoothing, like)
 
 
 def _gaussian(distances: NDArray[np.float64], like: Tensor) -> Float[Tensor, "n n"]:

@@ -9,19 +9,22 @@ from pnpct.reconstruction.methods import (
     Method,
     PlugAndPlay,
     Progress,
-    Reconstruction,
     denoiser_settings,
     reconstruct,
 )
 from pnpct.reconstruction.normal_equations import mean_diagonal
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
+from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
+from pnpct.reconstruction.tilted_slices import rebin
+from pnpct.reconstruction.volume import SLAB, RaysOfViews, Slab, check_covered, covered_slices, reconstruct_volume
 
 __all__ = [
     "FBP",
     "METHODS",
+    "SLAB",
     "STOP_RULES",
     "TVPWLS",
     "ADMMState",
@@ -29,16 +32,22 @@ __all__ = [
     "Method",
     "PlugAndPlay",
     "Progress",
+    "RaysOfViews",
     "Reconstruction",
     "RuleName",
+    "Slab",
     "SolverName",
     "change",
+    "check_covered",
+    "covered_slices",
     "denoiser_settings",
     "fbp",
     "mean_diagonal",
     "paper_rule",
     "pnp_admm",
+    "rebin",
     "reconstruct",
+    "reconstruct_volume",
     "relative_rule",
     "solver_by_name",
     "starting_state",

@@ -5,7 +5,8 @@ user's three lines of Python read them here, and give the same image.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
+from functools import partial
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from pnpct.arrays import Image
@@ -14,35 +15,18 @@ from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
-from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, pnp_admm
+from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
+from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
-from pnpct.reconstruction.starting import around_total_variation, starting_state
+from pnpct.reconstruction.starting import around_total_variation, smooth_state, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
-
-ITERATIONS = 10
+from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
 
 FALL = 0.7
 """σ_v in each of the first iterations over that of the one before."""
 
 Progress: TypeAlias = Callable[[Iterator[ADMMState], int], Iterable[ADMMState]]
 """From the iterates of a method, and their maximum number, to the same iterates, displayed or recorded as they pass."""
-
-
-@dataclass(frozen=True, eq=False)
-class Reconstruction:
-    """An image, and how it was made.
-
-    Args:
-        image: The image, relative to water.
-        settings: All that it depends on besides the data, as plain values.
-        iterations: How many iterations were done; 0 where there are none.
-        stopped_by: What ended them: the name of a rule, or "iterations"; empty where there are none.
-    """
-
-    image: Image
-    settings: Mapping[str, Any]
-    iterations: int = 0
-    stopped_by: str = ""
 
 
 @runtime_checkable
@@ -82,7 +66,9 @@ class FBP:
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
-        return Reconstruction(fbp(sinogram.line_integrals, A, kernel=self.kernel), self.settings)
+        whole = beyond_fan(sinogram, A)
+        image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
+        return Reconstruction(image, self.settings, notes=whole.notes)
 
 
 @dataclass(frozen=True)
@@ -105,8 +91,8 @@ class DenoisedFBP:
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
-        image = fbp(sinogram.line_integrals, A, kernel=self.kernel)
-        return Reconstruction(self.denoise(image), self.settings)
+        made = FBP(self.kernel)(sinogram, A)
+        return replace(made, image=self.denoise(made.image), settings=self.settings)
 
 
 @dataclass(frozen=True)
@@ -146,7 +132,7 @@ class TVPWLS:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, sinogram, A, ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft")), progress)
+        return _iterated(self, beyond_image(beyond_fan(sinogram, A)), smooth_state, progress)
 
 
 @dataclass(frozen=True)
@@ -154,12 +140,15 @@ class PlugAndPlay:
     """Plug-and-play ADMM, from `starting_state` on.
 
     At low dose σ_v is larger in the first iterations: it begins where the data and the prior are in balance and falls
-    by `FALL` in each. So the edges come from the data, quickly; what σ_v ends with decides how noisy the image is.
+    by `FALL` in each. So the edges come from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM
+    is damped: what u collects is mostly noise, and networks, the proximal maps of no function, would take it for
+    anatomy.
 
     Args:
         denoise: D, with its strength inside.
         sigma_v: Standard deviation to which the denoised image is trusted in the end, HU, > 0. The default suits all
             doses and all sizes of patients.
+        damping: Fraction of u that each iteration drops, 0 to 1; the paper's ADMM has 0.
         iterations: Maximum number of iterations, at least 1.
         stop: Stopping rule that may end the iterations earlier.
         solver: Solver of the data step.
@@ -174,13 +163,15 @@ class PlugAndPlay:
 
     denoise: Denoise
     sigma_v: float = SIGMA_V
-    iterations: int = ITERATIONS
+    damping: float = 0.5
+    iterations: int = 10
     stop: RuleName = "relative"
     solver: SolverName = "fourier"
     inner_iterations: int | None = None
 
     def __post_init__(self) -> None:
         penalty_of(self.sigma_v)
+        check_damping(self.damping)
         solver_by_name(self.solver, inner_iterations=self.inner_iterations)
 
     @property
@@ -190,6 +181,7 @@ class PlugAndPlay:
             "method": "pnp",
             **denoiser_settings(self.denoise),
             "sigma_v_hu": self.sigma_v,
+            "damping": self.damping,
             "iterations": self.iterations,
             "stop": self.stop,
             "solver": self.solver,
@@ -199,17 +191,18 @@ class PlugAndPlay:
     def states(self, sinogram: Sinogram, A: Projector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
-        state, sigma_v = start, balanced_sigma_v(sinogram, A)
-        while sigma_v > self.sigma_v:
-            state = next(pnp_admm(sinogram, A, self.denoise, state, sigma_v=sigma_v, solver=solver))
+        admm = partial(pnp_admm, sinogram, A, self.denoise, damping=self.damping, solver=solver)
+        state, sigma_v = start, balanced_sigma_v(sinogram, A).clamp(min=self.sigma_v)
+        while bool((sigma_v > self.sigma_v).any()):
+            state = next(admm(state, sigma_v=sigma_v))
             yield state
-            lower = max(self.sigma_v, FALL * sigma_v)
+            lower = (FALL * sigma_v).clamp(min=self.sigma_v)
             state, sigma_v = state.at(lower, before=sigma_v), lower
-        yield from pnp_admm(sinogram, A, self.denoise, state, sigma_v=self.sigma_v, solver=solver)
+        yield from admm(state, sigma_v=self.sigma_v)
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, sinogram, A, starting_state(sinogram, A), progress)
+        return _iterated(self, beyond_image(beyond_fan(sinogram, A)), starting_state, progress)
 
 
 METHODS: dict[str, type[FBP | TVPWLS | PlugAndPlay]] = {"fbp": FBP, "pnp": PlugAndPlay, "tv": TVPWLS}
@@ -245,9 +238,14 @@ def denoiser_settings(denoise: Denoise) -> dict[str, Any]:
 
 
 def _iterated(
-    method: TVPWLS | PlugAndPlay, sinogram: Sinogram, A: Projector, start: ADMMState, progress: Progress
+    method: TVPWLS | PlugAndPlay,
+    whole: Whole,
+    start_of: Callable[[Sinogram, Projector], ADMMState],
+    progress: Progress,
 ) -> Reconstruction:
-    """Iterate from a state on, until the rule of the method ends it."""
+    """Iterate until the rule of the method ends it."""
+    sinogram, A = whole.sinogram, whole.A
+    start = start_of(sinogram, A)
     states = until(method.states(sinogram, A, start), start, A, iterations=method.iterations, stop=method.stop)
     done, last = 0, start
     for number, state in enumerate(progress(states, method.iterations), start=1):
@@ -255,4 +253,4 @@ def _iterated(
     if not done:
         raise ValueError("ADMM has no image without an iteration.")
     stopped_by = method.stop if done < method.iterations else "iterations"
-    return Reconstruction(last.v, method.settings, done, stopped_by)
+    return Reconstruction(whole.cut_out(last.v), method.settings, done, stopped_by, whole.notes)

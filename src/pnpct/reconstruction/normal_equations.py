@@ -1,8 +1,6 @@
 """The normal equations (AᵀWA + β) x = b of the data step: their scale, and conjugate gradients."""
 
-import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, TypeAlias, final
 
 import torch
@@ -20,7 +18,7 @@ Solve: TypeAlias = Callable[[LinearOperator, Image, Image], Image]
 """(H, b, x) -> better x: H maps an image to (AᵀWA + β) image, x is the image to begin from."""
 
 MakeSolver: TypeAlias = Callable[[Sinogram, Projector, Tensor], Solve]
-"""(sinogram, A, β) -> Solve, β in the units of AᵀWA."""
+"""(sinogram, A, β) -> Solve, β in the units of AᵀWA, one number or one per image."""
 
 INNER_ITERATIONS = 3
 """Minimum steps of an iterative solver in each data step. Warm-started they add up; an exact solution is wasted."""
@@ -46,7 +44,7 @@ class NormalOperator(LinearOperator):
     Args:
         A: The projector.
         W: The weights of the rays.
-        beta: β in the units of AᵀWA.
+        beta: β in the units of AᵀWA, one number or one per image.
     """
 
     def __init__(self, A: LinearOperator, W: LinearOperator, beta: Tensor) -> None:
@@ -74,29 +72,27 @@ def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
         1 over the square of attenuation relative to water, shape (*batch, 1, 1).
     """
     diagonal = A.gram_diagonal(sinogram.weights.diagonal)
-    at_rest = A
-    if A.geometry.focal_spot_shifts:  # which FBP does not take; for a mask the nominal focal spot will do
-        at_rest = Projector(A.grid, replace(A.geometry, focal_spot_shifts=()), mu_water=A.mu_water)
-    inside = fbp(sinogram.line_integrals, at_rest, kernel="soft") > OBJECT
+    inside = fbp(sinogram.line_integrals, A, kernel="soft") > OBJECT
     inside = inside | ~inside.any(dim=A.domain_dims, keepdim=True)
     diagonal = diagonal.expand(inside.shape)
     return (diagonal * inside).sum(A.domain_dims, keepdim=True) / inside.sum(A.domain_dims, keepdim=True)
 
 
-def penalty_of(sigma_v: float) -> Tensor:
+def penalty_of(sigma_v: float | Tensor) -> Tensor:
     """Return the penalty β = 1/σ_v² of a prior of standard deviation σ_v in HU, in the units of AᵀWA.
 
     Raises:
         ValueError: If `sigma_v` is not positive.
     """
-    if not 0 < sigma_v < float("inf"):
-        raise ValueError(f"sigma_v is a positive number of HU, got {sigma_v:g}.")
-    return torch.tensor((1000.0 / sigma_v) ** 2)
+    sigma_v = torch.as_tensor(sigma_v)
+    if not bool(((sigma_v > 0) & sigma_v.isfinite()).all()):
+        raise ValueError(f"sigma_v is a positive number of HU, got {float(sigma_v.min()):g}.")
+    return (1000.0 / sigma_v).square()
 
 
-def balanced_sigma_v(sinogram: Sinogram, A: Projector) -> float:
-    """Return the σ_v in HU whose β is `mean_diagonal`, in the mean over a batch: there ADMM is fastest."""
-    return 1000.0 / math.sqrt(mean_diagonal(sinogram, A).mean())
+def balanced_sigma_v(sinogram: Sinogram, A: Projector) -> Tensor:
+    """Return the σ_v in HU of each image whose β is its `mean_diagonal`: there ADMM is fastest."""
+    return 1000.0 * mean_diagonal(sinogram, A).rsqrt()
 
 
 def conjugate_gradient(

@@ -14,12 +14,15 @@ takes the place of the proximal map of R (4b), (6); u collects what x and v disa
 The penalty is given as σ_v, the standard deviation in HU to which the denoised image is trusted: β = 1/σ_v². The
 weights are inverse variances, so that data and prior are in balance at every dose, and what the denoiser gets, x + u,
 has about as much noise at every dose.
+
+Part of u may be dropped in each iteration: u = (1 − damping) (u + x − v).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise
@@ -56,7 +59,7 @@ class ADMMState:
                 f"{tuple(self.u.shape)}."
             )
 
-    def at(self, sigma_v: float, *, before: float) -> "ADMMState":
+    def at(self, sigma_v: Tensor, *, before: Tensor) -> "ADMMState":
         """Return the state for another σ_v than before: the dual variable β u stays."""
         return ADMMState(self.x, self.v, self.u * (sigma_v / before) ** 2)
 
@@ -72,7 +75,8 @@ def pnp_admm(
     denoise: Denoise,
     state: ADMMState,
     *,
-    sigma_v: float = SIGMA_V,
+    sigma_v: float | Tensor = SIGMA_V,
+    damping: float = 0.0,
     solver: MakeSolver = fourier,
 ) -> Iterator[ADMMState]:
     """Yield the iterates of plug-and-play ADMM, for ever; the caller's loop says when to stop.
@@ -82,18 +86,22 @@ def pnp_admm(
         A: The projector.
         denoise: D, with its strength inside.
         state: State to begin or continue from.
-        sigma_v: Standard deviation to which the denoised image is trusted, HU, > 0.
+        sigma_v: Standard deviation to which the denoised image is trusted, HU, > 0; one number or one per image.
+        damping: Fraction of u that each iteration drops, 0 ≤ damping ≤ 1. The paper has 0, where x and v agree in the
+            limit; 1 is half-quadratic splitting, without u.
         solver: Makes the solver of the normal equations from (sinogram, A, β).
 
     Yields:
         The state after each iteration.
 
     Raises:
-        ValueError: If `sigma_v` is not positive (at the first iteration).
+        ValueError: If `sigma_v` is not positive or `damping` not from 0 to 1 (at the first iteration).
 
     References:
+        Hajinezhad and Hong, Math. Program. 176 (2019) 207, for the damping;
         Venkatakrishnan, Bouman and Wohlberg, GlobalSIP (2013) 945; the paper, Eqs. (4) to (6).
     """
+    check_damping(damping)
     y, W = sinogram.line_integrals, sinogram.weights
     beta = penalty_of(sigma_v).to(y)
     H, AtWy = NormalOperator(A, W, beta), A.T(W(y))
@@ -104,5 +112,15 @@ def pnp_admm(
         with torch.no_grad():
             x = solve(H, AtWy + beta * (v - u), x)  # (4a), (5)
             v = denoise(x + u)  # (4b), (6)
-            u = u + x - v  # (4c)
+            u = (1 - damping) * (u + x - v)  # (4c)
         yield ADMMState(x, v, u)
+
+
+def check_damping(damping: float) -> None:
+    """Check that a damping is possible.
+
+    Raises:
+        ValueError: If it is not from 0 to 1.
+    """
+    if not 0 <= damping <= 1:
+        raise ValueError(f"damping is a fraction from 0 to 1, got {damping}.")

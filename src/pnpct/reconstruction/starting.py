@@ -1,31 +1,51 @@
-"""Total variation in the loop: where plug-and-play begins, and TV-PWLS."""
+"""Total variation in the loop: TV-PWLS, and where plug-and-play begins."""
 
 from collections.abc import Iterator
 from itertools import islice
 
+import torch
+
+from pnpct.arrays import Image
 from pnpct.denoisers import DENOISERS, TotalVariation
+from pnpct.denoisers.learned import DENSEST
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import balanced_sigma_v
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, pnp_admm
 
-FIRST_ITERATIONS = 6
+FIRST_ITERATIONS = 3
+"""Iterations around total variation before a network sees an image."""
+
+ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
+"""Iterations around total variation where there is metal, and its strength, image × pixel, whatever the dose is."""
+
+
+def smooth_state(sinogram: Sinogram, A: Projector) -> ADMMState:
+    """Return the state that begins from a smooth FBP image."""
+    return ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
 
 
 def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
-    """Return the state to begin from: an image after a few iterations around total variation.
+    """Return the state to begin from: half-way between a smooth FBP image and one after iterations around TV.
 
     Where hardly a photon arrives, behind metal or in the middle of a large patient, FBP has streaks. The data say too
-    little there to take them away again, and networks take them for anatomy.
+    little there to take them away again, and networks take them for anatomy. Total variation removes the streaks, and
+    some of the bones; in the mean of both the network finds either. Streaks of metal are too strong for that, and no
+    matter of noise: there it is total variation alone, and more of it.
 
     Args:
         sinogram: Line integrals and weights.
         A: The projector.
     """
-    smooth = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
+    smooth = smooth_state(sinogram, A)
     states = around_total_variation(sinogram, A, smooth, strength=DENOISERS["tv"].usual)
-    return ADMMState.start(next(islice(states, FIRST_ITERATIONS - 1, None)).v)
+    start = torch.lerp(smooth.v, _after(FIRST_ITERATIONS, states), 0.5)
+    metal = (smooth.v > DENSEST).any(dim=A.domain_dims, keepdim=True)
+    if bool(metal.any()):
+        states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=balanced_sigma_v(sinogram, A))
+        start = torch.where(metal, _after(ITERATIONS_AT_METAL, states), start)
+    return ADMMState.start(start)
 
 
 def around_total_variation(
@@ -33,7 +53,8 @@ def around_total_variation(
 ) -> Iterator[ADMMState]:
     """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ_v², for ever.
 
-    The limit does not depend on the penalty of ADMM, so that is the one that is fastest.
+    The limit does not depend on the penalty of ADMM, so that is the one that is fastest for each image: in balance with
+    the data, unless they are so noisy that the proximal map would take longest.
 
     Args:
         sinogram: Line integrals and weights.
@@ -41,6 +62,13 @@ def around_total_variation(
         start: The state to begin from.
         strength: Strength at the default σ_v of plug-and-play, HU × pixel, ≥ 0.
     """
-    sigma_v = balanced_sigma_v(sinogram, A)
-    denoise = TotalVariation(strength / 1000 * (sigma_v / SIGMA_V) ** 2)
-    return pnp_admm(sinogram, A, denoise, start, sigma_v=sigma_v)
+    sigma_v = balanced_sigma_v(sinogram, A).clamp(max=2 * SIGMA_V)
+    # With the strength s q, the proximal map of an image is q times that of image/q with s.
+    q = (sigma_v / SIGMA_V).square()
+    denoise = TotalVariation(strength / 1000)
+    denoise = TotalVariation(strength / 1000, tolerance=denoise.tolerance / max(1.0, float(q.max())))
+    return pnp_admm(sinogram, A, lambda image: q * denoise(image / q), start, sigma_v=sigma_v)
+
+
+def _after(number: int, states: Iterator[ADMMState]) -> Image:
+    return next(islice(states, number - 1, None)).v

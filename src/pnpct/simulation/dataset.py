@@ -5,6 +5,7 @@ Noise, tube current and tube voltage are not fixed in it: scans are drawn from t
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +21,7 @@ from pnpct.files import (
     Provenance,
     read_manifest,
     sha256_of,
+    sole_writer,
     write_exposures,
     write_manifest,
 )
@@ -50,7 +52,7 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
         First what earlier runs have made, then each scan when it is done.
 
     Raises:
-        OSError: If a file cannot be read or written, or a process dies.
+        OSError: If a file cannot be read or written, another process writes there, or a process dies.
         ValueError: If the folder holds something else, or the data set of another recipe; or a body cannot be
             scanned.
     """
@@ -67,15 +69,17 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
     for station in {station.source: station for station in stations}.values():
         _heights(recipe, _source(recipe, station), station)
     folder.mkdir(parents=True, exist_ok=True)
-    # Before any file of a scan, so that no other recipe takes it for its own.
-    write_manifest(folder, Manifest(settings, list(done.values())))
-    yield from done.values()
-    calls = [(folder, recipe, station) for station in stations if station.name not in done]
-    for scanned in side_by_side(_scan, calls, processes=processes):
-        done[scanned.name] = scanned
-        listed = [done[station.name] for station in stations if station.name in done]
-        write_manifest(folder, Manifest(settings, listed))
-        yield scanned
+    with sole_writer(folder):
+        # Before any file of a scan, so that no other recipe takes it for its own.
+        write_manifest(folder, Manifest(settings, list(done.values())))
+        yield from done.values()
+        calls = [(folder, recipe, station) for station in stations if station.name not in done]
+        with closing(side_by_side(_scan, calls, processes=processes)) as made:
+            for scanned in made:
+                done[scanned.name] = scanned
+                listed = [done[station.name] for station in stations if station.name in done]
+                write_manifest(folder, Manifest(settings, listed))
+                yield scanned
 
 
 def _heights(recipe: Recipe, source: Source, station: Station) -> tuple[float, ...]:

@@ -1,7 +1,6 @@
 """Where bodies come from: procedural anatomies, a CT series, or a voxelised phantom."""
 
-import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from pnpct.denoisers import NonlocalMeans
 from pnpct.files import read_dicom_series, read_volume, read_xcist_phantom, sha256_of
 from pnpct.files.errors import existing_file
+from pnpct.files.provenance import sha256_of_files, sha256_of_folder
 from pnpct.geometry import ImageGrid
 from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.body import Body
@@ -24,11 +24,13 @@ class Source:
         body: The body.
         grid: Square that covers all of it.
         height: z to look at first, mm.
+        notes: What was done to its images on the way, a sentence each, for the user to read.
     """
 
     body: Body
     grid: ImageGrid
     height: float
+    notes: tuple[str, ...] = ()
 
 
 def procedural_patient(anatomy: str, generator: np.random.Generator, *, size: int = 512) -> Source:
@@ -49,23 +51,27 @@ def procedural_patient(anatomy: str, generator: np.random.Generator, *, size: in
     return Source(chosen.build(generator), grid, chosen.height)
 
 
-def from_files(path: Path, *, size: int = 512, noise_hu: float = 0.0) -> Source:
+def from_files(path: Path, *, size: int = 512, noise_hu: float = 0.0, series_uid: str | None = None) -> Source:
     """Read a body: a folder with a DICOM CT series, a volume of HU (.npz), or an XCIST phantom (.json, .zip).
 
     Args:
         path: The folder or file.
         size: Rows and columns of the images of it.
         noise_hu: Standard deviation of the noise of a CT series, HU, which non-local means removes; 0 keeps it.
+        series_uid: SeriesInstanceUID of the series to read, where the folder holds several.
 
     Raises:
         OSError: If it does not exist or cannot be read.
-        ValueError: If it is none of these, or incomplete, or the noise is negative or that of a phantom.
+        ValueError: If it is none of these, or incomplete, or the noise is negative or that of a phantom, or a series is
+            chosen where there is no folder.
     """
+    if series_uid is not None and not path.is_dir():
+        raise ValueError(f"A series is chosen in a folder of DICOM images, and {path} is none; leave out the series.")
     if path.is_dir() or path.suffix.lower() == ".npz":
-        series = read_dicom_series(path) if path.is_dir() else read_volume(path)
+        series = read_dicom_series(path, series_uid=series_uid) if path.is_dir() else read_volume(path)
         denoise = NonlocalMeans(noise_hu / 1000) if noise_hu else None
         side = series.plane.spacing * max(series.plane.shape)
-        return _source(CTBody(series, denoise=denoise), side, size)
+        return replace(_source(CTBody(series, denoise=denoise), side, size), notes=series.notes)
     if is_phantom(path):
         if noise_hu:
             raise ValueError(f"{path} is a phantom, which has no noise to remove; leave out its noise.")
@@ -96,10 +102,9 @@ def fingerprint(path: Path) -> str:
         OSError: If something cannot be read.
     """
     if path.is_dir():
-        files = sorted(file for file in path.iterdir() if file.is_file())
-    elif path.suffix.lower() == ".json":
-        text = existing_file(path).read_text(encoding="utf-8", errors="replace")
-        files = [path, *sorted(file for file in path.parent.iterdir() if file.is_file() and f'"{file.name}"' in text)]
-    else:
+        return sha256_of_folder(path)
+    if path.suffix.lower() != ".json":
         return sha256_of(path)
-    return hashlib.sha256("".join(f"{file.name} {sha256_of(file)}\n" for file in files).encode()).hexdigest()
+    text = existing_file(path).read_text(encoding="utf-8", errors="replace")
+    named = sorted(file for file in path.parent.iterdir() if file.is_file() and f'"{file.name}"' in text)
+    return sha256_of_files([path, *named])

@@ -16,7 +16,7 @@ from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Scan, take_log
-from pnpct.reconstruction import fbp, pnp_admm, starting_state
+from pnpct.reconstruction import PlugAndPlay, fbp, starting_state
 
 SIGMAS_V = (40.0, 90.0)
 """Lowest and highest σ_v, HU, between which it is drawn evenly in its logarithm: around the default."""
@@ -145,7 +145,7 @@ class LoopImages:
             return denoise(image) if len(shown) <= chosen[-1] else image
 
         start = starting_state(sinogram, A)
-        for _ in islice(pnp_admm(sinogram, A, watched, start, sigma_v=sigma_v), chosen[-1] + 1):
+        for _ in islice(PlugAndPlay(watched, sigma_v=sigma_v).states(sinogram, A, start), chosen[-1] + 1):
             pass
         return torch.stack([shown[iteration] for iteration in chosen])
 

@@ -1,0 +1,103 @@
+"""The options of `pnpct reconstruct` for scans with several detector rows, and the slices that they choose."""
+
+import math
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+from pnpct.cli.grids import plane_for
+from pnpct.cli.parsing import given_options, option
+from pnpct.files import read_truth
+from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
+from pnpct.reconstruction import covered_slices
+
+_COVERED = "as many as the scan covers"
+
+
+@dataclass(frozen=True, kw_only=True)
+class VolumeOptions:
+    """Slices of a scan with several detector rows; None where not given, since an option that is given has an effect.
+
+    Args:
+        slices: Number of slices.
+        slice_spacing: Distance between the middles of slices, mm.
+        thickness: Each slice is the mean over so many mm; 0 is as thin as the detector rows make it.
+        plane_spacing: Largest distance between the planes that are reconstructed and between which slices are
+            interpolated, mm: twice the distance is half the time, and less resolution along z.
+        rebinning: tilted planes, or as a control horizontal ones (single-slice), which a helix leaves farther.
+    """
+
+    slices: Annotated[int | None, option(default=_COVERED)] = None
+    slice_spacing: Annotated[float | None, option(default="that of the truth, or the height of a row")] = None
+    thickness: Annotated[float | None, option(default=0)] = None
+    plane_spacing: Annotated[float | None, option(default="half the height of a row, or all for thick slices")] = None
+    rebinning: Annotated[Rebinning | None, option(default="tilted")] = None
+
+    def check_one_plane(self) -> None:
+        """Check that none is given, for a scan of one plane.
+
+        Raises:
+            ValueError: If one is.
+        """
+        for name in given_options(self, VOLUME_OPTIONS):
+            raise ValueError(
+                f"--{name.replace('_', '-')} is for scans with several detector rows, and this scan is of one plane; "
+                "leave it out."
+            )
+
+    def of_planes(self) -> dict[str, Any]:
+        """Return the given options of `reconstruct_volume`."""
+        return given_options(self, ("thickness", "plane_spacing", "rebinning"))
+
+    def volume_grid(
+        self,
+        scan: Path,
+        planes: TiltedPlanes,
+        *,
+        size: int | None,
+        field_of_view: float | None,
+        center: tuple[float, ...] | None,
+        insist: bool = False,
+    ) -> VolumeGrid:
+        """Return the slices to reconstruct; what is not given is that of the truth, as far as the scan covers it.
+
+        Args:
+            scan: File of the scan.
+            planes: Its planes.
+            size: Rows and columns.
+            field_of_view: Side of a slice, mm.
+            center: Middle of the volume: x and y, mm, and perhaps z.
+            insist: Whether a field of view is taken that looks like a mistake of units.
+
+        Raises:
+            OSError: If the scan cannot be read.
+            ValueError: If a number is out of range, or the scan does not cover that.
+        """
+        known = read_truth(scan)
+        truth = known[1] if known and isinstance(known[1], VolumeGrid) else None
+        plane = plane_for(
+            known[1] if known else None,
+            planes.geometry,
+            size=size,
+            field_of_view=field_of_view,
+            center=center,
+            insist=insist,
+        )
+        low, high = covered_slices(planes, plane, self.thickness or 0.0)
+        z = center[2] if center is not None and len(center) == 3 else None
+        spacing = self.slice_spacing
+        if truth is not None and (self.slices, z, spacing) == (None, None, None):
+            covered = [float(height) for height in truth.heights if low <= height <= high]
+            if covered:
+                return VolumeGrid(plane, len(covered), truth.slice_spacing, (covered[0] + covered[-1]) / 2)
+        if spacing is None:
+            spacing = truth.slice_spacing if truth else planes.geometry.row_height_at_isocenter or high - low or 1.0
+        middle = (low + high) / 2 if z is None else z
+        most = VolumeGrid(plane, 1, spacing, middle)  # which checks the spacing
+        if self.slices is not None:
+            return VolumeGrid(plane, self.slices, spacing, middle)
+        half = max(0.0, min(middle - low, high - middle))
+        return VolumeGrid(plane, 1 + math.floor(2 * half / most.slice_spacing + 1e-6), spacing, middle)
+
+
+VOLUME_OPTIONS = tuple(field.name for field in fields(VolumeOptions))

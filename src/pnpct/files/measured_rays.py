@@ -1,0 +1,133 @@
+"""What arrays of other programs say of each ray: whether it was measured, its counts and its incident counts."""
+
+import os
+from collections.abc import Iterator
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pnpct.files.array_file import load_array
+from pnpct.files.errors import PathLike
+from pnpct.physics import MOST_QUANTA, estimate_incident
+
+Array: TypeAlias = NDArray[Any]
+Kind: TypeAlias = Literal["line-integrals", "counts"]
+_LARGEST_LINE_INTEGRAL = 50.0
+_LARGEST_TRANSMISSION = 2.0
+_LEAST_TRANSMISSION = 1e-6
+_ENOUGH_COUNTS = 40.0
+"""Where the logarithm needs no correction for noise, so that a wrong unit of the counts does not matter."""
+
+_LESS_NOISE = 30.0
+"""How many times more quanta the noise may speak of than there were: smoothing makes it some ten times."""
+
+
+def counts_of(line_integrals: Array, incident: Array, *, name: str) -> Array:
+    """Return incident · exp(−p), in double precision.
+
+    Args:
+        line_integrals: p, dimensionless.
+        incident: Counts without an object, quanta; broadcasts to the line integrals.
+        name: Name of the line integrals in errors.
+
+    Raises:
+        ValueError: If these cannot be line integrals.
+    """
+    largest = float(np.nanmax(np.abs(line_integrals), initial=0.0))
+    if largest > _LARGEST_LINE_INTEGRAL:
+        raise ValueError(
+            f"{name} holds values as large as {largest:.6g}, no line integral; if these are counts, set kind to counts."
+        )
+    return np.asarray(incident * np.exp(-line_integrals.astype(np.float64)))
+
+
+def loaded(array: PathLike | Array, *, nan: bool = False) -> NDArray[np.float64]:
+    """Return an array in double precision, checked to be finite (or NaN) wherever it comes from."""
+    values = array if isinstance(array, np.ndarray) else load_array(array, nan=nan)
+    real = values.dtype.kind in ("fiub" if nan else "fiu")
+    if not real or (np.isinf(values) if nan else ~np.isfinite(values)).any():
+        raise ValueError(f"Arrays of a scan must hold finite real numbers, got {values.dtype} of {values.shape}.")
+    return values.astype(np.float64)
+
+
+def incident_of(incident: float | PathLike | Array, shape: tuple[int, int], per_quantum: float) -> Array:
+    """Return the incident counts, in quanta; 0 where a ray was not measured."""
+    if not 0 < per_quantum < np.inf:
+        raise ValueError(f"signal_per_quantum must be a positive number, got {per_quantum}.")
+    if isinstance(incident, str | os.PathLike | np.ndarray):
+        values = np.nan_to_num(_for_rays(incident, shape, "incident counts"))
+    else:
+        values = np.asarray(incident, dtype=np.float64)
+    if not (np.isfinite(values).all() and (values >= 0).all() and values.any()):
+        raise ValueError(
+            "The incident counts must be positive and finite, or 0 where a ray was not measured, got "
+            f"{values.min():.6g} to {values.max():.6g}."
+        )
+    return np.asarray(values / per_quantum)
+
+
+def measured_rays(
+    values: Array, incident: Array | None, mask: PathLike | Array | None, shape: tuple[int, int]
+) -> Array:
+    """Return whether each ray was measured, (views, bins): not if it is NaN, masked, or has no incident counts."""
+    measured: Array = np.logical_not(np.isnan(values).reshape(-1, *shape).any(axis=0))
+    if incident is not None:
+        measured &= incident > 0
+    if mask is not None:
+        measured &= np.nan_to_num(_for_rays(mask, shape, "mask")) != 0
+    if not measured.any():
+        raise ValueError(
+            "No ray was measured: all are NaN, without incident counts, or 0 in the mask; give those that were a 1."
+        )
+    return measured
+
+
+def quanta_of(
+    values: Array, given: Array | None, measured: Array, kind: Kind, *, name: str, per_quantum: float
+) -> tuple[Array, Array, list[str]]:
+    """Return counts and incident counts in quanta, and what was assumed; counts are any where not measured."""
+    known, notes = values[..., measured], []
+    unknown = given is None or float(given.max()) <= _LARGEST_TRANSMISSION
+    if kind == "line-integrals":
+        transmissions = counts_of(np.where(measured, values, 0.0), np.asarray(1.0), name=name)
+    elif given is None:
+        raise ValueError("Counts need their incident counts, those expected without an object; give incident.")
+    elif not 0 < float(known.max()) <= _LARGEST_TRANSMISSION:
+        return values / per_quantum, given, []
+    else:
+        transmissions = values / (per_quantum * np.where(given > 0, given, 1.0)) if unknown else values
+        notes = [f"The largest count is {known.max():.4g}: the counts were taken for transmissions, counts/incident."]
+    estimate = estimate_incident(np.where(measured, -np.log(transmissions.clip(_LEAST_TRANSMISSION)), np.nan))
+    if given is None or unknown:
+        seen = "estimated from the noise" if estimate < MOST_QUANTA else "assumed, since no noise can be seen"
+        notes.append(f"{estimate:.3g} incident quanta were {seen}; weights depend on them, FBP does not.")
+        return estimate * transmissions, np.asarray(estimate), notes
+    counts, usual = given * transmissions, float(np.median(given[given > 0]))
+    if (least := float(counts[..., measured].min())) < _ENOUGH_COUNTS and estimate > _LESS_NOISE * usual:
+        raise ValueError(
+            f"{name} has far less noise than {usual:.4g} incident quanta have, of which {least:.2g} would arrive in "
+            f"the darkest ray; leave incident out, and it is estimated from the noise (about {estimate:.2g})."
+        )
+    return counts, given, notes
+
+
+def said_of(measured: Array, dead: Array) -> Iterator[str]:
+    """Yield what readers should know of rays that were not measured."""
+    if len(dead):
+        named = ", ".join(map(str, dead[:10])) + (" and more" if len(dead) > 10 else "")
+        yield f"Bins that counted nothing but noise in all views were left out as dead: {named}."
+    if not measured.all():
+        yield f"{int((~measured).sum())} of {measured.size} rays were not measured."
+    if views := int((~measured.any(axis=1)).sum()):
+        yield f"{views} views in which nothing was measured were left out."
+
+
+def _for_rays(array: PathLike | Array, shape: tuple[int, int], name: str) -> NDArray[np.float64]:
+    values = loaded(array, nan=True)
+    if values.shape not in ((), (shape[1],), (shape[0], 1), shape):
+        raise ValueError(
+            f"The {name} must be one number or of the shape ({shape[1]},), ({shape[0]}, 1) or {shape}, got "
+            f"{values.shape}."
+        )
+    return values

@@ -1,0 +1,62 @@
+"""Numbers that a scan can have, and the mistake that is likely behind others.
+
+The ranges are wide: from scanners of small samples to those of pallets. What lies outside may still be meant, so that
+whoever insists is let through.
+"""
+
+import math
+
+import numpy as np
+
+from pnpct.geometry import FanBeam
+from pnpct.physics import Scan
+
+DISTANCES_MM = (1.0, 20_000.0)
+"""From the focal spot to the isocentre and to the detector."""
+
+BIN_WIDTHS_MM = (1e-3, 100.0)
+
+MU_WATER = (0.006, 0.1)
+"""From 1.3 MeV down to 18 keV, 1/mm."""
+
+MOST_TURNS = 3.0
+"""Of a scan in one plane: two turns are sometimes averaged."""
+
+LEAST_SPAN = math.radians(7.0)
+"""Of a scan of ten views and more: a turn in rad that was taken for degrees has 6.3."""
+
+BRIGHTER, SHARE = 3.0, 0.05
+"""Times the incident counts, which no more than this share of the rays exceed by noise."""
+
+
+def doubt_of(scan: Scan) -> str:
+    """Return what is hardest to believe of a scan of one plane, with the likely mistake; empty if all is usual."""
+    of_geometry = _doubt_of_geometry(scan.geometry) if isinstance(scan.geometry, FanBeam) else ""
+    if of_geometry:
+        return of_geometry
+    if not MU_WATER[0] <= scan.mu_water <= MU_WATER[1]:
+        return f"mu_water = {scan.mu_water:g}/mm, where {MU_WATER[0]:g} to {MU_WATER[1]:g}/mm are usual: is it in 1/cm?"
+    bright = (scan.counts > BRIGHTER * scan.incident) & scan.measured
+    if (share := float(bright.double().mean())) > SHARE:
+        return (
+            f"counts above {BRIGHTER:g} times the incident counts in {share:.0%} of its rays: are these of another "
+            "exposure, or have the line integrals the wrong sign?"
+        )
+    return ""
+
+
+def _doubt_of_geometry(geometry: FanBeam) -> str:
+    for length, (least, most) in (
+        (geometry.source_to_isocenter, DISTANCES_MM),
+        (geometry.source_to_detector, DISTANCES_MM),
+        (geometry.bin_width, BIN_WIDTHS_MM),
+    ):
+        if not least <= length <= most:
+            unit = "m" if length < least else "µm or nm"
+            return f"a length of {length:g} mm, where {least:g} to {most:g} mm are usual: is it in {unit}?"
+    span = float(np.ptp(geometry.view_angles))
+    if span > MOST_TURNS * 2 * math.pi:
+        return f"view angles over {span / 2 / math.pi:.3g} turns: are they degrees, to be given as view_angles_deg?"
+    if geometry.views >= 10 and span < LEAST_SPAN:
+        return f"view angles over {math.degrees(span):.3g} degrees: are they rad, to be given as view_angles_rad?"
+    return ""

@@ -1,0 +1,85 @@
+"""One writer at a time for what is written bit by bit, and resumed after a kill."""
+
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pnpct.files.errors import PathLike, resolved
+
+if sys.platform != "win32":
+    import fcntl
+
+_TEMPORARY = re.compile(r"\.[0-9a-f]{8}-(.+)")
+"""The names that `atomic_path` gives."""
+
+
+@contextmanager
+def sole_writer(path: PathLike) -> Iterator[None]:
+    """Keep other processes from writing the same, and remove the temporary files that killed ones have left.
+
+    Workers of this process may write; those that it has terminated have left such files too. The claim ends with the
+    process, however that ends. On Windows, and on file systems without locks, there is none.
+
+    Args:
+        path: A folder that is there, for all below it; or a file, for those of the same stem beside it.
+
+    Raises:
+        BlockingIOError: If another process writes there.
+        OSError: If the folder cannot be read.
+
+    Example:
+        >>> import tempfile
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> (folder / ".0123abcd-scan.h5").touch()
+        >>> with sole_writer(folder):
+        ...     list(folder.iterdir())
+        []
+    """
+    path = resolved(path)
+    claimed = path if path.is_dir() else path.with_name(f".{path.name}.lock")
+    with _claim(claimed, path):
+        _remove_unfinished(path)
+        try:
+            yield
+        finally:
+            _remove_unfinished(path)
+            if claimed != path:
+                claimed.unlink(missing_ok=True)
+
+
+def _remove_unfinished(path: Path) -> None:
+    whole = path.is_dir()
+    for file in path.rglob(".*") if whole else path.parent.glob(".*"):
+        temporary = _TEMPORARY.fullmatch(file.name)
+        if temporary and (whole or Path(temporary[1]).stem == path.stem):
+            file.unlink(missing_ok=True)
+
+
+@contextmanager
+def _claim(claimed: Path, path: Path) -> Iterator[None]:
+    if sys.platform == "win32":
+        yield
+        return
+    descriptor = os.open(claimed, os.O_RDONLY if claimed.is_dir() else os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        if not _locked(descriptor):
+            raise BlockingIOError(
+                f"{path} is being written by another process; wait until it has ended, or choose another name."
+            )
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _locked(descriptor: int) -> bool:
+    """Whether nobody else has the lock; where the file system has no locks, nobody has."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True

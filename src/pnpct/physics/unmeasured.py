@@ -1,0 +1,53 @@
+"""Rays that were not measured: dead cells, masked cells, views with a fault."""
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pnpct.arrays import ConeRays, Rays
+
+
+def fill_along_detector(rays: Rays | ConeRays, measured: Bool[Tensor, "..."]) -> Rays | ConeRays:
+    """Replace rays that were not measured by what lies between their nearest measured neighbours in the same row.
+
+    Linear in the number of the bin; beyond the outermost measured ray its value stays.
+
+    Args:
+        rays: Values of each ray, any where not measured.
+        measured: Whether each ray was measured; broadcasts to the rays.
+
+    Raises:
+        ValueError: If a row was not measured at all.
+
+    Example:
+        >>> fill_along_detector(torch.tensor([[1.0, 9.0, 3.0]]), torch.tensor([True, False, True])).tolist()
+        [[1.0, 2.0, 3.0]]
+    """
+    flat = rays.detach().cpu().double().reshape(-1, rays.shape[-1]).numpy().copy()
+    known = measured.cpu().expand(rays.shape).reshape(-1, rays.shape[-1]).numpy()
+    bins = np.arange(rays.shape[-1])
+    if not known.any(axis=1).all():
+        raise ValueError("Some views were not measured at all; leave them out of the scan, as in scan[views].")
+    for row in np.flatnonzero(~known.all(axis=1)):
+        good = known[row]
+        flat[row, ~good] = np.interp(bins[~good], bins[good], flat[row, good])
+    return torch.from_numpy(flat).reshape(rays.shape).to(rays)
+
+
+def dead_cells(total: NDArray[np.float64], rays: NDArray[np.integer], electronic_noise: float) -> NDArray[np.intp]:
+    """Return the numbers of the cells that counted nothing but electronic noise.
+
+    Their mean count is below three standard errors of that noise.
+
+    Args:
+        total: What each cell counted in all its measured rays, quanta.
+        rays: How many these are; cells without any are not named.
+        electronic_noise: Standard deviation of the electronic noise of a count, quanta.
+
+    Example:
+        >>> dead_cells(np.array([17.0, 0.0, 0.0, 9.0]), np.array([4, 4, 0, 4]), electronic_noise=2.0).tolist()
+        [1, 3]
+    """
+    return np.flatnonzero((rays > 0) & (total <= 3 * electronic_noise * np.sqrt(rays)))

@@ -1,0 +1,230 @@
+"""From a scan with several detector rows to a volume, a few slices at a time."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+import torch
+
+from pnpct.arrays import Image, Volume
+from pnpct.geometry import ConeBeam, ImageGrid, Plane, PlaneStack, Rebinning, TiltedPlanes, VolumeGrid
+from pnpct.geometry.plane_stack import Array, spanning
+from pnpct.geometry.tilted_planes import WINDOWS
+from pnpct.operators import Projector
+from pnpct.physics import DiagonalWeights, Sinogram
+from pnpct.reconstruction.methods import Method
+from pnpct.reconstruction.tilted_slices import rebinned
+
+RaysOfViews: TypeAlias = Callable[[Sequence[int]], Sinogram]
+"""From the numbers of views to their line integrals and weights: `lambda views: take_log(scan[views], ...)`."""
+
+SLAB = 8
+"""Slices of a slab."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slab:
+    """Some slices of a volume.
+
+    Args:
+        first: Number of the lowest of them in the volume.
+        image: The slices, relative to water.
+    """
+
+    first: int
+    image: Volume
+
+
+def reconstruct_volume(
+    rays: RaysOfViews,
+    geometry: ConeBeam,
+    grid: VolumeGrid,
+    method: Method,
+    *,
+    mu_water: float,
+    thickness: float = 0.0,
+    plane_spacing: float | None = None,
+    rebinning: Rebinning = "tilted",
+    first: int = 0,
+    slab: int = SLAB,
+) -> Iterator[Slab]:
+    """Reconstruct planes by a two-dimensional method, and yield the slices between them, from the lowest up.
+
+    The planes are those of `TiltedPlanes`. They are reconstructed in groups that have one fan beam, and each pixel is
+    interpolated along z between them. What a slice is does not depend on `first` and `slab`.
+
+    At any time it has in memory the rays of three quarters of a turn (of all views, of an axial scan), the images of
+    the planes around a slice (14 at 20 mm a turn), 16 projectors, which all turns share, and what the method needs for
+    one group of planes: with 984 x 900 rays a turn in 32 rows and 512 x 512 pixels about 170 + 14 + 400 MB, whatever
+    the number of slices.
+
+    Args:
+        rays: The line integrals and weights of the views with the given numbers; it is asked for each view once, for a
+            sixteenth of a turn at a time.
+        geometry: All views.
+        grid: The slices.
+        method: What makes the image of a plane.
+        mu_water: Attenuation of water at the effective energy, 1/mm.
+        thickness: Each slice is the mean over so many mm; 0 is as thin as the detector rows make it.
+        plane_spacing: Largest distance between planes, mm, > 0; half a detector row if None, and a whole one for slices
+            of two rows or more. The method is called for each plane: twice the distance is half the time, and less
+            resolution along z away from the axis.
+        rebinning: "tilted", or "single-slice" as the control.
+        first: Number of the slice to begin with.
+        slab: Slices in what is yielded, at least 1; the last one may have fewer.
+
+    Yields:
+        The slices.
+
+    Raises:
+        ValueError: If an option is out of range, or the scan does not cover a slice.
+    """
+    if not (math.isfinite(thickness) and thickness >= 0):
+        raise ValueError(f"The thickness of slices is a length in mm from 0 up, got {thickness}.")
+    if plane_spacing is not None and not (math.isfinite(plane_spacing) and plane_spacing > 0):
+        raise ValueError(f"The distance between planes must be a positive length in mm, got {plane_spacing}.")
+    if slab < 1:
+        raise ValueError(f"A slab has at least one slice, got {slab}.")
+    planes = TiltedPlanes(geometry, rebinning)
+    check_covered(planes, grid, thickness)
+    samples = _samples(planes, grid, thickness)
+    slices = [grid.heights[number] + samples for number in range(first, grid.slices)]
+    if not slices:
+        return
+    margin = _margin(planes, grid.plane)
+    stacks = planes.stacks(
+        grid.heights[0] + samples[0] - margin,
+        grid.heights[-1] + samples[-1] + margin,
+        spacing=_spacing(planes, grid, thickness, plane_spacing),
+    )
+    images = _images(rays, planes, spanning(stacks, slices[0][0] - margin, math.inf), grid.plane, method, mu_water)
+    made: list[Image] = []
+    for image in _between(images, slices, grid.plane, margin):
+        made.append(image)
+        if len(made) == slab:
+            yield Slab(first, torch.stack(made, dim=-3))
+            first, made = first + slab, []
+    if made:
+        yield Slab(first, torch.stack(made, dim=-3))
+
+
+def covered_slices(planes: TiltedPlanes, plane: ImageGrid, thickness: float = 0.0) -> tuple[float, float]:
+    """Return the lowest and the highest slice that can be reconstructed over the whole of a grid, mm.
+
+    Args:
+        planes: The views.
+        plane: Pixels of a slice.
+        thickness: Of a slice, mm.
+
+    Raises:
+        ValueError: If there is none.
+    """
+    low, high = planes.reach
+    less = _margin(planes, plane) + thickness / 2
+    if low + less > high - less:
+        raise ValueError(
+            f"No slice of {thickness:g} mm is covered over the whole field of view: planes go from {low:.4g} to "
+            f"{high:.4g} mm on the axis; use a smaller field of view or a longer scan."
+        )
+    return low + less, high - less
+
+
+def check_covered(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> None:
+    """Check that all slices of a volume can be reconstructed.
+
+    Raises:
+        ValueError: If one cannot.
+    """
+    low, high = covered_slices(planes, grid.plane, thickness)
+    lowest, highest = grid.heights[[0, -1]]
+    if lowest < low - 1e-3 or highest > high + 1e-3:
+        raise ValueError(
+            f"The scan covers slices from {low:.4g} to {high:.4g} mm, but the volume goes from {lowest:.4g} to "
+            f"{highest:.4g} mm; ask for fewer slices."
+        )
+
+
+def _margin(planes: TiltedPlanes, plane: ImageGrid) -> float:
+    """How far a tilted plane leaves its height on the axis, within the field of view, mm."""
+    return abs(planes.tilt) * min(plane.radius, planes.geometry.field_of_view_radius)
+
+
+def _spacing(planes: TiltedPlanes, grid: VolumeGrid, thickness: float, largest: float | None) -> float:
+    """Distance between planes, mm; of a circle such that thin slices are planes."""
+    row = planes.geometry.row_height_at_isocenter or grid.slice_spacing
+    spacing = (row if thickness >= 2 * row else row / 2) if largest is None else largest
+    if planes.feed == 0 and thickness == 0:
+        return grid.slice_spacing / math.ceil(grid.slice_spacing / max(row, spacing) - 1e-6)
+    return spacing
+
+
+def _samples(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> Array:
+    """Heights at which a slice is sampled for its mean, relative to its middle, mm."""
+    fine = (planes.geometry.row_height_at_isocenter or grid.slice_spacing) / 2
+    number = max(1, math.ceil(thickness / fine))
+    samples: Array = ((np.arange(number) + 0.5) / number - 0.5) * thickness
+    return samples
+
+
+def _images(
+    rays: RaysOfViews,
+    planes: TiltedPlanes,
+    stacks: Sequence[PlaneStack],
+    grid: ImageGrid,
+    method: Method,
+    mu_water: float,
+) -> Iterator[tuple[Plane, Image]]:
+    """Yield the images of the planes, from the lowest up."""
+    projector = lru_cache(maxsize=WINDOWS)(lambda fan: Projector(grid, fan, mu_water=mu_water))
+
+    @lru_cache(maxsize=planes.most_blocks)
+    def sinogram_of(block: int) -> Sinogram:
+        return rays(planes.views_of(block).tolist())
+
+    for stack in stacks:
+        views = planes.views(stack)
+        parts = []
+        for block in np.unique(planes.blocks(views)).tolist():
+            measured = planes.views_of(block)
+            wanted = torch.from_numpy(np.isin(measured, views))
+            of_block = rebinned(sinogram_of(block), planes.geometry[measured], stack.planes)
+            parts.append([values[..., wanted, :] for values in of_block])
+        line_integrals, weights = (torch.cat(values, dim=-2) for values in zip(*parts, strict=True))
+        sinogram = Sinogram(line_integrals, DiagonalWeights(weights))
+        images = method(sinogram, projector(planes.fan(views))).image
+        yield from zip(stack.planes, images.unbind(-3), strict=True)
+
+
+def _between(
+    images: Iterator[tuple[Plane, Image]], slices: Sequence[Array], grid: ImageGrid, margin: float
+) -> Iterator[Image]:
+    """Yield slices, each the mean over its heights of what lies between the planes; what is beyond is the last plane.
+
+    Args:
+        images: Planes and their images, from the lowest up.
+        slices: For each slice its heights, mm.
+        grid: The pixels.
+        margin: How far a plane leaves its height on the axis, mm.
+    """
+    held: list[tuple[Plane, Image]] = []
+    for heights in slices:
+        while (not held or held[-1][0].z - margin < heights[-1]) and (following := next(images, None)):
+            held.append(following)
+        while len(held) > 1 and held[1][0].z + margin < heights[0]:
+            del held[0]
+        yield torch.stack([_at(float(height), held, grid) for height in heights]).mean(0)
+
+
+def _at(height: float, planes: Sequence[tuple[Plane, Image]], grid: ImageGrid) -> Image:
+    """Interpolate along z at each pixel."""
+    image = planes[0][1]
+    x, y = grid.x[None, :], grid.y[:, None]
+    for (lower, below), (upper, above) in pairwise(planes):
+        low, high = lower.heights(x, y), upper.heights(x, y)
+        share = torch.from_numpy((height - low) / (high - low)).to(image)
+        image = torch.where(share >= 0, torch.lerp(below, above, share.clamp(0, 1)), image)
+    return image

@@ -1,0 +1,181 @@
+"""Rays and pixels that hold the whole object, where it reaches beyond the fan or beyond the image.
+
+The methods need the whole object, whatever part of it is asked for. Where projections are cut off at the end of the
+fan, FBP makes a bright rim; iterative methods explain by the pixels they have all that the rays have seen.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from pnpct.arrays import Image, Rays
+from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.operators import Projector
+from pnpct.physics import DiagonalWeights, Sinogram
+
+AIR = 0.2
+"""Line integral that air and noise do not have: 10 mm of water."""
+
+NEIGHBOURS = (3, 5)
+"""Views and bins whose mean is compared with air."""
+
+FEW = 0.01
+"""Share of the views in which an object may be seen somewhere by mistake."""
+
+FITTED = 8
+"""Bins at the end of the fan that its continuation is fitted to."""
+
+REACH, WIDEST = 1.6, 0.6
+"""How far the object is followed at most, in radii of the field of view and in distances of the focal spot."""
+
+LARGEST = 4096**2
+"""Pixels of the largest image that is reconstructed for the sake of a part of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """A sinogram and a projector whose rays and pixels hold the object.
+
+    Args:
+        sinogram: Line integrals and weights; these are 0 for rays that were added.
+        A: The projector.
+        asked: The grid that was asked for, within that of the projector.
+        notes: What was done, in sentences.
+    """
+
+    sinogram: Sinogram
+    A: Projector
+    asked: ImageGrid
+    notes: tuple[str, ...] = ()
+
+    def cut_out(self, image: Image) -> Float[Tensor, "*batch asked_rows asked_cols"]:
+        """Return the part of an image that was asked for."""
+        grid, asked = self.A.grid, self.asked
+        if grid == asked:
+            return image
+        row = round((grid.y[0] - asked.y[0]) / asked.spacing)
+        col = round((asked.x[0] - grid.x[0]) / asked.spacing)
+        return image[..., row : row + asked.rows, col : col + asked.cols]
+
+
+def beyond_fan(sinogram: Sinogram, A: Projector) -> Whole:
+    """Continue projections that are cut off at an end of the fan, as those of a cylinder of water.
+
+    With s the distance of a ray from the isocentre, the p² of a cylinder is a parabola in s of the curvature
+    −8 mu_water²; its other two coefficients are fitted to the last bins of each view. The rays that are added have the
+    weight 0. Where nothing is cut off all stays as it is, and so does the shorter side of a detector that is moved
+    aside, whose lines the longer side has measured.
+
+    References:
+        Hsieh et al., Med. Phys. 31 (2004) 2385.
+    """
+    p, W, geometry = sinogram.line_integrals, sinogram.weights, A.geometry
+    before, after = _bins_beyond(geometry)
+    if geometry.bins < FITTED or not isinstance(W, DiagonalWeights):
+        return Whole(sinogram, A, A.grid)
+    through = _through_object(p)
+    low, high = through[..., 0] & (before > 0), through[..., -1] & (after > 0)
+    share = float((low | high).double().mean())
+    if share <= FEW:
+        return Whole(sinogram, A, A.grid)
+    wide = geometry.widened(before, after)
+    s = torch.from_numpy(geometry.source_to_isocenter * np.sin(wide.fan_angles)).to(p)
+    at = torch.tensor_split(s, (before, before + geometry.bins))
+    to_low = _of_water(p.flip(-1), -at[1].flip(0), -at[0].flip(0), low, A.mu_water).flip(-1)
+    to_high = _of_water(p, at[1], at[2], high, A.mu_water)
+    weights = torch.nn.functional.pad(W.diagonal, (before, after))
+    note = (
+        f"The object reaches beyond the fan in {share:.0%} of the views; these were continued as those of water, and "
+        "HU are uncertain near the edge of what the fan covers."
+    )
+    continued = Sinogram(torch.cat([to_low, p, to_high], dim=-1), DiagonalWeights(weights, wide.shape))
+    return Whole(continued, Projector(A.grid, wide, mu_water=A.mu_water, method=A.method), A.grid, (note,))
+
+
+def beyond_image(whole: Whole) -> Whole:
+    """Add pixels around an image that rays through the object miss, of the same size, so that they hold the object.
+
+    An image that no such ray misses stays as it is. The object is sought within a circle about the isocentre.
+
+    Raises:
+        ValueError: If the object needs too many pixels of this size.
+    """
+    A, grid, geometry = whole.A, whole.A.grid, whole.A.geometry
+    p = whole.sinogram.line_integrals
+    missing = _mean((A(torch.ones(grid.shape).to(p)) == 0).to(p)) == 1
+    through = _through_object(p).reshape(-1, *geometry.shape).any(0)
+    if float((through & missing).double().mean(0).max()) <= FEW:
+        return whole
+    bins = (through.double().mean(0) > FEW).cpu().numpy()
+    reach = geometry.source_to_isocenter * float(np.abs(np.sin(geometry.fan_angles[bins])).max())
+    wide = _around(grid, min(reach + geometry.bin_width_at_isocenter, WIDEST * geometry.source_to_isocenter))
+    if wide.rows * wide.cols > LARGEST:
+        raise ValueError(
+            f"An object of {2 * reach:.4g} mm needs an image of {wide.rows} x {wide.cols} pixels of {grid.spacing:.4g} "
+            "mm, of which a part was asked for; ask for larger pixels, or for FBP."
+        )
+    note = (
+        f"Rays through the object miss the image; {wide.rows} x {wide.cols} pixels were reconstructed, and the part "
+        "that was asked for cut out."
+    )
+    wider = Projector(wide, geometry, mu_water=A.mu_water, method=A.method)
+    return replace(whole, A=wider, notes=(*whole.notes, note))
+
+
+def _bins_beyond(geometry: FanBeam) -> tuple[int, int]:
+    """How many bins there may be beyond each end of the fan; none beyond the shorter one."""
+    position = np.tan if geometry.detector == "flat" else np.positive
+    ends = (-geometry.fan_angle_edges[0], geometry.fan_angle_edges[-1])
+    pitch = sum(map(position, ends)) / geometry.bins
+    reach = math.asin(min(REACH * geometry.field_of_view_radius / geometry.source_to_isocenter, WIDEST))
+    before, after = (
+        int(max(position(reach) - position(end), 0) / pitch) if position(max(ends)) - position(end) < 1.5 * pitch else 0
+        for end in ends
+    )
+    return before, after
+
+
+def _mean(rays: Rays) -> Rays:
+    """Means over neighbouring rays."""
+    images = rays.reshape(-1, 1, *rays.shape[-2:])
+    around = (NEIGHBOURS[0] // 2, NEIGHBOURS[1] // 2)
+    means = torch.nn.functional.avg_pool2d(images, NEIGHBOURS, stride=1, padding=around, count_include_pad=False)
+    return means.reshape(rays.shape)
+
+
+def _through_object(line_integrals: Rays) -> Bool[Tensor, "*batch views bins"]:
+    return _mean(line_integrals) > AIR
+
+
+def _of_water(
+    p: Rays,
+    inside: Float[Tensor, " bins"],
+    outside: Float[Tensor, " added"],
+    cut_off: Bool[Tensor, "*batch views"],
+    mu_water: float,
+) -> Float[Tensor, "*batch views added"]:
+    """Continue rays beyond their last bin; all distances grow towards it, mm."""
+    last, s = p[..., -FITTED:], inside[-FITTED:]
+    curvature, middle = (2 * mu_water) ** 2, s.mean()
+    line = last.square() + curvature * s.square()
+    slope = (line * (s - middle)).sum(-1, keepdim=True) / (s - middle).square().sum()
+    squared = line.mean(-1, keepdim=True) + slope * (outside - middle) - curvature * outside.square()
+    number = torch.arange(len(outside)).to(p) / max(len(outside), 1)
+    taper = torch.cos((4 * number - 3).clamp_min(0) * (math.pi / 2)).square()  # of an object that does not end
+    continued: Tensor = squared.clamp_min(0).sqrt() * taper * cut_off[..., None]
+    return continued
+
+
+def _around(grid: ImageGrid, radius: float) -> ImageGrid:
+    """The pixels of a grid, and more of them on all sides, so that they hold a circle about the isocentre."""
+    ends = (grid.x[0], -grid.x[-1], -grid.y[0], grid.y[-1])
+    left, right, top, bottom = (max(math.ceil((end + radius) / grid.spacing - 0.5), 0) for end in ends)
+    center = (
+        grid.center[0] + (right - left) / 2 * grid.spacing,
+        grid.center[1] + (top - bottom) / 2 * grid.spacing,
+    )
+    return ImageGrid(grid.rows + top + bottom, grid.cols + left + right, grid.spacing, center)

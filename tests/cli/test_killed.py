@@ -1,0 +1,130 @@
+"""Commands that are killed, with real workers: nothing is left, and what is resumed ends as if it had not been."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+PROGRAM = [sys.executable, "-c", "import sys; from pnpct.cli import main; sys.exit(main())"]
+DATASET = "--anatomy head --cases 3 --stations 2 --rows 2 --views 60 --bins 120 --size 48 --tube-voltages-kvp 120"
+TRAIN = "--epochs 3 --fine-tuning-epochs 2 --pairs-per-epoch 2 --batch 2"
+COMPARE = "--iterations 1 --tv-strength 0 --lesion-hu 0 --phantom-repeats 0 --tube-currents-ma 50"
+SIGNALS = [signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL]
+
+
+def start(words):
+    """The program, as a process with a group of its own."""
+    words = [*PROGRAM, *map(str, words)]
+    return subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, start_new_session=True
+    )
+
+
+def finish(words):
+    with start(words) as process:
+        out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, out + err
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def count(folder: Path) -> int:
+    """How many files there are, temporary ones included, which may be gone when they are looked at."""
+    return sum(1 for _ in folder.rglob("*.*"))
+
+
+def kill(words, folder: Path, number: int, files: int):
+    """Start, kill when the folder has some files more than now, and say how that has ended."""
+    begun = count(folder)
+    with start(words) as process:
+        end = time.monotonic() + 120
+        while process.poll() is None and count(folder) < begun + files and time.monotonic() < end:
+            time.sleep(0.02)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    return process.returncode, err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_data_set_is_resumed(number, tmp_path):
+    words = ["simulate", "dataset", *DATASET.split(), "--processes", 2]
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    finish([*words, whole])
+    for files in (1, 3):
+        check_end(number, *kill([*words, killed], killed, number, files))
+    if number != signal.SIGKILL:
+        assert not [name for name in contents(killed) if Path(name).name.startswith(".")]
+    finish([*words, killed])
+    made, resumed = contents(whole), contents(killed)
+    assert made.keys() == resumed.keys()
+    assert {name for name in made if made[name] != resumed[name]} <= {"manifest.json.json"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_training_is_resumed(number, dataset, tmp_path):
+    words = ["train", dataset, *TRAIN.split(), "--cache", tmp_path / "examples"]
+    for name in ("whole", "killed"):
+        (tmp_path / name).mkdir()
+    whole, killed = tmp_path / "whole" / "net.safetensors", tmp_path / "killed" / "net.safetensors"
+    finish([*words, whole])
+    check_end(number, *kill([*words, killed], killed.parent, number, 2))
+    finish([*words, killed])
+    assert whole.read_bytes() == killed.read_bytes()
+    assert contents(whole.parent).keys() == contents(killed.parent).keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_comparison_is_resumed(number, dataset, tmp_path):
+    exposures = sorted(dataset.rglob("*.h5"))[:3]
+    words = [*exposures, *COMPARE.split(), "--processes", 2]
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    finish(["compare", whole, *words])
+    for files in (2, 7):
+        check_end(number, *kill(["compare", killed, *words], killed, number, files))
+    finish(["compare", killed, *words])
+    made, resumed = contents(whole), contents(killed)
+    assert made.keys() == resumed.keys()
+    numbers = [json.loads(each["metrics.json"]) for each in (made, resumed)]
+    for name in ("fidelity", "texture", "histogram"):
+        assert numbers[0][name] == numbers[1][name]
+
+
+def check_end(number, status, err):
+    """One line and the status of an interruption; only SIGKILL leaves no time for them."""
+    if number == signal.SIGKILL:
+        assert status == -signal.SIGKILL
+    else:
+        assert (status, err) == (130, "pnpct: interrupted.\n")
+
+
+@pytest.mark.parametrize("number", SIGNALS[:3])
+def test_signals_that_end_do_what_ctrl_c_does(number, made, tmp_path, run, monkeypatch):
+    before = signal.getsignal(number)
+    monkeypatch.setattr("pnpct.cli.reconstruct.take_log", lambda _: os.kill(os.getpid(), number))
+    status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5")
+    check_end(number, status, err)
+    assert list(tmp_path.iterdir()) == []
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_writer_of_a_data_set_is_told(tmp_path, run):
+    from pnpct.files import sole_writer
+
+    folder = tmp_path / "set"
+    folder.mkdir()
+    with sole_writer(folder):
+        status, _, err = run("simulate", "dataset", folder, *DATASET.split(), "--processes", 1)
+    assert status == 2
+    assert "being written by another process" in err
+    assert list(folder.iterdir()) == []

@@ -1,0 +1,151 @@
+"""`pnpct reconstruct` for scans with several detector rows."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pnpct.files import Provenance, SlabFolder, read_image, read_scan, write_scan
+from pnpct.geometry import ConeBeam, Detector, ImageGrid, Trajectory, VolumeGrid
+from pnpct.physics import Scan, take_log
+from pnpct.reconstruction import FBP, reconstruct_volume
+
+ANGLES = 2 * math.pi / 64 * np.arange(160)
+HELIX = ConeBeam(
+    Trajectory(ANGLES, z=20 * ANGLES / 2 / math.pi),
+    Detector(bins=40, bin_width=15.0, rows=12, row_height=2.4),
+    source_to_isocenter=541.0,
+    source_to_detector=949.0,
+)
+CIRCLE = replace(HELIX, trajectory=Trajectory(ANGLES[:64], z=[10.0] * 64))
+PLANE = ImageGrid(24, 24, spacing=10.0)
+FBP_OF_20 = ["--method", "fbp", "--slices", "20", "--slice-spacing", "0.5", "--size", "24", "--field-of-view", "240"]
+
+
+def scan_of_water(geometry: ConeBeam) -> Scan:
+    """A cylinder of water, 80 mm in radius, 30 mm aside."""
+    spots = geometry.focal_spots()[:, None, :2]
+    along = geometry.detector_points(geometry.fan_angles)[..., :2] - spots
+    apart = np.array([30.0, 0.0]) - spots
+    aside = (apart[..., 0] * along[..., 1] - apart[..., 1] * along[..., 0]) / np.linalg.norm(along, axis=-1)
+    chords = 2 * np.sqrt(np.maximum(80.0**2 - aside**2, 0))
+    counts = 1e5 * np.exp(-0.02 * np.repeat(chords[:, None], geometry.rows, axis=1))
+    return Scan(torch.from_numpy(counts).float(), torch.tensor(1e5), 3.0, geometry, mu_water=0.02)
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scans")
+    for name, geometry in (("helix", HELIX), ("circle", CIRCLE)):
+        write_scan(folder / f"{name}.h5", scan_of_water(geometry), provenance=Provenance(["pnpct"], "0.1.0"))
+    return folder
+
+
+def test_the_command_makes_the_volume_of_the_library(run, scans, tmp_path):
+    status, out, err = run("reconstruct", scans / "helix.h5", tmp_path / "out.h5", *FBP_OF_20)
+    assert (status, err) == (0, "")
+    assert "20 slices 0.5 mm apart of 24 x 24 pixels of 10 mm" in out
+    volume, grid = read_image(tmp_path / "out.h5")
+    scan = read_scan(scans / "helix.h5")
+    slabs = reconstruct_volume(lambda views: take_log(scan[views]), HELIX, grid, FBP(), mu_water=0.02)
+    assert torch.equal(volume, torch.cat([slab.image for slab in slabs]))
+    inside = np.hypot(PLANE.x[None] - 30.0, PLANE.y[:, None]) < 60.0
+    assert np.abs(volume.numpy()[:, inside] - 1).max() < 0.04
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "out.h5.json"]
+
+
+def test_an_interrupted_volume_goes_on_and_ends_with_the_same_bytes(run, scans, tmp_path, monkeypatch):
+    words = ["reconstruct", scans / "helix.h5", "out.h5", *FBP_OF_20]
+    for folder in ("whole", "twice"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.chdir(tmp_path / "whole")
+    assert run(*words)[0] == 0
+    monkeypatch.chdir(tmp_path / "twice")
+    write = SlabFolder.write
+
+    def interrupted(self, first, image):
+        if first:
+            raise KeyboardInterrupt
+        write(self, first, image)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SlabFolder, "write", interrupted)
+        assert run(*words)[0] == 130
+    assert [path.name for path in (tmp_path / "twice").iterdir()] == ["out.h5.slabs"]
+    status, _, err = run(*words, "--thickness", "2")
+    assert status == 2
+    assert err.startswith("pnpct: out.h5.slabs holds slabs of another volume")
+    status, out, _ = run(*words)
+    assert status == 0
+    assert "8 of 20 slices are done already" in out
+    for name in ("out.h5", "out.h5.json"):
+        assert (tmp_path / "twice" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert not (tmp_path / "twice" / "out.h5.slabs").exists()
+
+
+def test_what_is_not_given_is_what_the_scan_covers(run, scans, tmp_path):
+    assert run("reconstruct", scans / "helix.h5", tmp_path / "out.nii", "--method", "fbp", "--size", "16")[0] == 0
+    _, grid = read_image(tmp_path / "out.nii")
+    assert grid.slice_spacing == pytest.approx(HELIX.row_height_at_isocenter, rel=1e-5)
+    assert grid.plane.spacing == pytest.approx(2 * HELIX.field_of_view_radius / 16, rel=1e-5)
+    assert 10.0 < (grid.slices - 1) * grid.slice_spacing < 50.0 - 0.6 * 20.0
+    settings = json.loads((tmp_path / "out.nii.json").read_text())["settings"]
+    assert settings["grid"]["slices"] == grid.slices
+
+
+def test_the_slices_of_a_truth_are_those_of_the_volume(run, tmp_path):
+    grid = VolumeGrid(PLANE, 60, 1.0, z=25.3)
+    provenance = Provenance(["pnpct"], "0.1.0")
+    truth = (torch.ones(grid.shape), grid)
+    write_scan(tmp_path / "scan.h5", scan_of_water(HELIX), provenance=provenance, truth=truth)
+    assert run("reconstruct", tmp_path / "scan.h5", tmp_path / "out.h5", "--method", "fbp")[0] == 0
+    _, made = read_image(tmp_path / "out.h5")
+    assert made.plane == PLANE
+    assert 10 < made.slices < 60
+    assert set(np.round(made.heights, 6)) < set(np.round(grid.heights, 6))
+
+
+def test_an_axial_scan_is_said_to_be_exact_in_its_middle_only(run, scans, tmp_path):
+    words = ["--method", "fbp", "--size", "24", "--field-of-view", "240", "--slices", "3", "--center", "5", "0", "9"]
+    status, out, _ = run("reconstruct", scans / "circle.h5", tmp_path / "out.h5", *words)
+    assert status == 0
+    assert "edges along z are blurred by as much" in out
+    _, grid = read_image(tmp_path / "out.h5")
+    assert (grid.plane.center, grid.slices, grid.z) == ((5.0, 0.0), 3, 9.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("--slices 500", "covers slices from"),
+        ("--slices 0", "at least one slice, got 0"),
+        ("--slice-spacing -1", "distance between slices must be a positive length in mm, got -1"),
+        ("--thickness -2", "thickness of slices is a length in mm from 0 up, got -2"),
+        ("--thickness 200", "No slice of 200 mm is covered"),
+        ("--plane-spacing 0", "distance between planes must be a positive length in mm, got 0"),
+        ("--center 1", "x and y in mm, and z for a volume, got 1 numbers"),
+        ("--center 0 0 500", "covers slices from"),
+        ("--field-of-view 2000", "circle of the focal spot"),
+    ],
+)
+def test_volumes_that_cannot_be(run, scans, tmp_path, words, complaint):
+    command = ["reconstruct", scans / "helix.h5", tmp_path / "out.h5", "--method", "fbp", "--size", "16"]
+    status, _, err = run(*command, *words.split())
+    assert status == 2
+    assert complaint in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_slices_have_no_effect_on_a_scan_of_one_plane(run, made, tmp_path):
+    for words in (["--slices", "3"], ["--thickness", "1"], ["--rebinning", "tilted"]):
+        status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--method", "fbp", *words)
+        assert status == 2
+        assert f"{words[0]} is for scans with several detector rows" in err
+    status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--method", "fbp", "--center", *"123")
+    assert (status, "x and y in mm for a scan of one plane, got 3 numbers" in err) == (2, True)
+    assert run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--method", "fbp", "--center", "5", "-4")[0] == 0
+    assert read_image(tmp_path / "out.h5")[1].center == (5.0, -4.0)

@@ -1,0 +1,92 @@
+import math
+
+import nibabel as nib
+import numpy as np
+import pytest
+import torch
+
+from pnpct.files import FileFormatError, Provenance, import_arrays, read_image, write_image
+from pnpct.geometry import ImageGrid
+
+TURN = {"source_to_isocenter_mm": 570, "source_to_detector_mm": 1040, "bins": 8, "bin_width_mm": 60, "views": 12}
+
+
+def geometry(scale=1.0, **changes):
+    lengths = {key: scale * value if key.endswith("_mm") else value for key, value in TURN.items()}
+    return {key: value for key, value in (lengths | changes).items() if value is not None}
+
+
+UNUSUAL = [
+    (geometry(1e-3), "a length of 0.57 mm, where 1 to 20000 mm are usual: is it in m?"),
+    (geometry(1e6), "a length of 5.7e.08 mm, .* is it in µm or nm?"),
+    (geometry(view_angles_rad=list(range(0, 360, 30)), views=None), "view angles over 52.5 turns: are they degrees"),
+    (
+        geometry(view_angles_deg=[math.radians(30 * view) for view in range(12)], views=None),
+        "view angles over 5.76 degrees: are they rad",
+    ),
+]
+
+
+@pytest.mark.parametrize(("written", "message"), UNUSUAL)
+def test_a_geometry_in_another_unit_is_doubted_with_the_likely_mistake(written, message):
+    with pytest.raises(ValueError, match=f"This scan has {message}.*If it is meant, insist"):
+        import_arrays(np.zeros((12, 8)), written)
+    assert import_arrays(np.zeros((12, 8)), written, insist=True).scan.geometry.shape == (12, 8)
+
+
+@pytest.mark.parametrize("written", [geometry(), geometry(0.02), geometry(span_deg=720), geometry(span_deg=20)])
+def test_small_scanners_two_turns_and_short_arcs_are_usual(written):
+    assert import_arrays(np.zeros((12, 8)), written).scan.geometry.shape == (12, 8)
+
+
+def test_a_number_that_no_detector_counts_is_refused():
+    with pytest.raises(ValueError, match=r"counts of up to 1e\+18, got 1e\+300"):
+        import_arrays(np.full((12, 8), 1e300), geometry(), kind="counts", incident=1e5)
+
+
+@pytest.mark.parametrize(
+    ("array", "options", "message"),
+    [
+        (np.ones((12, 8)), {"mu_water": 0.19}, "mu_water = 0.19/mm, .*: is it in 1/cm"),
+        (np.full((12, 8), -2.0), {"incident": 1e5}, "3 times the incident counts in 100% of its rays: .* wrong sign"),
+        (np.full((12, 8), 1e4), {"kind": "counts", "incident": 100.0}, "are these of another exposure"),
+    ],
+)
+def test_numbers_that_no_scan_has_are_doubted_with_the_likely_mistake(array, options, message):
+    with pytest.raises(ValueError, match=message):
+        import_arrays(array, geometry(), **options)
+    assert import_arrays(array, geometry(), insist=True, **options).scan.counts.shape == (12, 8)
+
+
+def test_noise_of_a_starved_scan_is_not_doubted():
+    counts = np.random.default_rng(0).poisson(2.0, (12, 8))
+    assert import_arrays(counts, geometry(), kind="counts", incident=2.0).scan.counts.sum() == counts.sum()
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "message"),
+    [
+        (0.0, 1.0, "HU were needed, where air is -1000, but the values go from 0 to 1; are they in another unit"),
+        (-1000.0, 1e8, r"values from -1000 to 1e\+08 are no HU; is the file damaged"),
+    ],
+)
+def test_values_that_are_no_hu_are_refused(tmp_path, low, high, message):
+    nib.save(
+        nib.Nifti1Image(np.linspace(low, high, 64, dtype=np.float32).reshape(4, 4, 4), np.eye(4)), tmp_path / "a.nii"
+    )
+    with pytest.raises(FileFormatError, match=message):
+        read_image(tmp_path / "a.nii")
+
+
+def test_water_alone_is_read_from_our_own_file(tmp_path):
+    write_image(tmp_path / "a.nii", torch.ones(4, 4), ImageGrid(4, 4, spacing=1.0), provenance=Provenance([], "0"))
+    assert read_image(tmp_path / "a.nii")[0].tolist() == torch.ones(4, 4).tolist()
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".nii", ".png"])
+def test_an_image_that_has_diverged_is_not_written(tmp_path, suffix):
+    with pytest.raises(ValueError, match=r"the image holds 1e\+303 HU, more than any matter has"):
+        write_image(
+            tmp_path / f"a{suffix}", torch.full((4, 4), 1e300, dtype=torch.float64), ImageGrid(4, 4, spacing=1.0)
+        )
+    assert not list(tmp_path.iterdir())

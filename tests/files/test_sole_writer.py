@@ -1,0 +1,57 @@
+import subprocess
+import sys
+
+import pytest
+
+from pnpct.files import sole_writer
+
+
+def test_a_second_writer_is_told(tmp_path):
+    with (
+        sole_writer(tmp_path),
+        pytest.raises(BlockingIOError, match="being written by another process; wait"),
+        sole_writer(tmp_path),
+    ):
+        pass
+    with sole_writer(tmp_path):
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_another_file_in_the_folder_is_free(tmp_path):
+    with sole_writer(tmp_path / "one.safetensors"), sole_writer(tmp_path / "other.safetensors"):
+        with pytest.raises(BlockingIOError), sole_writer(tmp_path / "one.safetensors"):
+            pass
+        assert len(list(tmp_path.iterdir())) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_claim_of_a_killed_process_has_ended(tmp_path):
+    script = (
+        f"from pnpct.files import sole_writer\nwith sole_writer({str(tmp_path)!r}): print('in', flush=True); input()"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"in\n"
+        with pytest.raises(BlockingIOError), sole_writer(tmp_path):
+            pass
+        process.kill()
+        process.wait()
+        with sole_writer(tmp_path):
+            pass
+
+
+def test_what_killed_writers_have_left_is_removed_and_nothing_else(tmp_path):
+    inner = tmp_path / "train"
+    inner.mkdir()
+    for name in (".0123abcd-scan.h5", ".notes-of-mine", "scan.h5", ".0123abcd"):
+        (inner / name).touch()
+    with sole_writer(tmp_path):
+        assert sorted(path.name for path in inner.iterdir()) == [".0123abcd", ".notes-of-mine", "scan.h5"]
+
+
+def test_beside_a_file_only_what_has_its_name_is_removed(tmp_path):
+    for name in (".0123abcd-a.training", ".0123abcd-a.safetensors", ".0123abcd-b.training", "a.training"):
+        (tmp_path / name).touch()
+    with sole_writer(tmp_path / "a.safetensors"):
+        pass
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".0123abcd-b.training", "a.training"]
