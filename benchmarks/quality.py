@@ -34,7 +34,7 @@ from quality_cases import CONTRAST_HU, PATIENTS, QualityCase, cases
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
-STRENGTHS_HU = (12.0, 18.0, 27.0, 40.0, 60.0, 90.0)
+STRENGTHS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 
 Row = dict[str, Any]
 Rows = dict[str, Row]
@@ -107,7 +107,7 @@ def judge(
         work["FBP"] = partial(judged.best, choices={kernel: FBP(kernel) for kernel in KERNELS})
         blurs = {f"{width:g} pixels": DenoisedFBP(Gaussian(width)) for width in WIDTHS}
         work["blurred FBP"] = partial(judged.best, choices=blurs)
-        strengths = {f"{strength:g} HU pixels": TVPWLS(strength) for strength in STRENGTHS_HU}
+        strengths = {f"{strength:g} pixels": TVPWLS(strength) for strength in STRENGTHS}
         work["TV-PWLS"] = partial(judged.best, choices=strengths)
     for name, denoise in networks.items():
         work[name] = partial(judged.row, method=DenoisedFBP(denoise))

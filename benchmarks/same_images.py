@@ -26,7 +26,7 @@ LOOP = "--method pnp --iterations 4"
 RECONSTRUCTED = {
     **{f"fbp-{kernel}": f"--method fbp --kernel {kernel}" for kernel in ("ram-lak", "shepp-logan", "hann", "soft")},
     "tv": "--method tv",
-    "tv-other": "--method tv --strength 120 --iterations 6 --stop paper",
+    "tv-other": "--method tv --strength 2 --iterations 6 --stop paper",
     **{
         f"pnp-{name}": f"{LOOP} --denoiser {name}" for name in ("tv", "nonlocal-means", "gaussian", "n2n", "supervised")
     },

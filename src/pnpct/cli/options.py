@@ -27,7 +27,7 @@ class MethodOptions(DenoiserOptions):
 
     Args:
         method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation,
-            whose --strength is in HU × pixel.
+            whose --strength is relative to the noise, in pixels.
         kernel: Reconstruction kernel of fbp, from sharp to smooth.
         sigma_v: Standard deviation to which pnp trusts the denoised image, HU: the smaller, the smoother.
         damping: Fraction of the dual variable that pnp drops in each iteration; the paper's ADMM has 0.

@@ -173,7 +173,7 @@ class PaperMethods:
     Args:
         kernel: Of FBP that all methods are measured against.
         blur_pixels: Standard deviation of the blurred FBP, the control, pixels.
-        tv_strength: Strength of total variation, HU × pixel.
+        tv_strength: Strength of total variation over the noise, pixels.
         supervised: Network that was trained on dose pairs alone, by name or file.
         two_stage: Network that was trained in two stages, by name or file.
         sigma_v: Standard deviation to which plug-and-play trusts the denoised image, HU.

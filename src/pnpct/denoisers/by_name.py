@@ -31,7 +31,7 @@ class Classical:
 
 
 DENOISERS = {
-    "tv": Classical(lambda strength: TotalVariation(strength / 1000), "HU × pixel", 40.0),
+    "tv": Classical(lambda strength: TotalVariation(strength / 1000), "HU × pixel", 70.0),
     "nonlocal-means": Classical(lambda strength: NonlocalMeans(strength / 1000), "HU of noise", 70.0),
     "quadratic": Classical(Quadratic, "pixels²", 4.0),
     "gaussian": Classical(Gaussian, "pixels", 1.0),

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from pnpct.arrays import Image
-from pnpct.denoisers import DENOISERS, Denoise, LearnedDenoiser
+from pnpct.denoisers import Denoise, LearnedDenoiser
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
@@ -18,7 +18,7 @@ from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sig
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
-from pnpct.reconstruction.starting import around_total_variation, smooth_state, starting_state
+from pnpct.reconstruction.starting import STRENGTH, around_total_variation, smooth_state, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
 
@@ -99,13 +99,13 @@ class DenoisedFBP:
 class TVPWLS:
     """Penalised weighted least squares with total variation: the baseline that learned priors have to beat.
 
-    It converges to the minimiser of ½ ‖A x − y‖²_W + λ · TV(x). The weights are inverse variances, so one λ is one
-    prior, for every dose and geometry. It is stated as the strength of the denoiser with which plug-and-play has the
-    same limit: λ = strength / σ_v², σ_v the default there. The iterates are those of ADMM around the proximal map of
-    total variation, from a smooth FBP image on, with the penalty that is fastest.
+    It converges to the minimiser of ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, σ being the standard deviation to
+    which the data alone determine a pixel. What total variation should take away grows with the noise, and the weights
+    with its inverse square, so one strength serves every dose and geometry. The iterates are those of ADMM around the
+    proximal map of total variation, from a smooth FBP image on.
 
     Args:
-        strength: HU × pixel, ≥ 0.
+        strength: Of total variation over the noise, pixels, ≥ 0.
         iterations: Maximum number of iterations, at least 1.
         stop: Stopping rule that may end the iterations earlier.
 
@@ -113,13 +113,13 @@ class TVPWLS:
         Sidky and Pan, Phys. Med. Biol. 53 (2008) 4777; Fessler, IEEE Trans. Image Process. 3 (1994) 290.
     """
 
-    strength: float = DENOISERS["tv"].usual
+    strength: float = STRENGTH
     iterations: int = 20
     stop: RuleName = "relative"
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength < float("inf"):
-            raise ValueError(f"The strength of total variation is HU × pixel from 0 up, got {self.strength:g}.")
+            raise ValueError(f"The strength of total variation is pixels from 0 up, got {self.strength:g}.")
 
     @property
     def settings(self) -> Mapping[str, Any]:

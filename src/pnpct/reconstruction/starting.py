@@ -6,7 +6,7 @@ from itertools import islice
 import torch
 
 from pnpct.arrays import Image
-from pnpct.denoisers import DENOISERS, TotalVariation
+from pnpct.denoisers import TotalVariation
 from pnpct.denoisers.learned import DENSEST
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
@@ -14,8 +14,14 @@ from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import balanced_sigma_v
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, pnp_admm
 
-FIRST_ITERATIONS = 3
+STRENGTH = 1.5
+"""Strength of total variation over the noise, pixels: at every dose near that of the least error."""
+
+FIRST_ITERATIONS = 5
 """Iterations around total variation before a network sees an image."""
+
+TOLERANCE = 1e-3
+"""Of the proximal map, image: 1 HU."""
 
 ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
 """Iterations around total variation where there is metal, and its strength, image × pixel, whatever the dose is."""
@@ -39,7 +45,7 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
         A: The projector.
     """
     smooth = smooth_state(sinogram, A)
-    states = around_total_variation(sinogram, A, smooth, strength=DENOISERS["tv"].usual)
+    states = around_total_variation(sinogram, A, smooth, strength=STRENGTH)
     start = torch.lerp(smooth.v, _after(FIRST_ITERATIONS, states), 0.5)
     metal = (smooth.v > DENSEST).any(dim=A.domain_dims, keepdim=True)
     if bool(metal.any()):
@@ -51,7 +57,9 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
 def around_total_variation(
     sinogram: Sinogram, A: Projector, start: ADMMState, *, strength: float
 ) -> Iterator[ADMMState]:
-    """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ_v², for ever.
+    """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, for ever.
+
+    σ is the standard deviation to which the data alone determine a pixel, `balanced_sigma_v`.
 
     The limit does not depend on the penalty of ADMM, so that is the one that is fastest for each image: in balance with
     the data, unless they are so noisy that the proximal map would take longest.
@@ -60,13 +68,13 @@ def around_total_variation(
         sinogram: Line integrals and weights.
         A: The projector.
         start: The state to begin from.
-        strength: Strength at the default σ_v of plug-and-play, HU × pixel, ≥ 0.
+        strength: Pixels, ≥ 0.
     """
-    sigma_v = balanced_sigma_v(sinogram, A).clamp(max=2 * SIGMA_V)
-    # With the strength s q, the proximal map of an image is q times that of image/q with s.
-    q = (sigma_v / SIGMA_V).square()
-    denoise = TotalVariation(strength / 1000)
-    denoise = TotalVariation(strength / 1000, tolerance=denoise.tolerance / max(1.0, float(q.max())))
+    noise = balanced_sigma_v(sinogram, A)
+    sigma_v = noise.clamp(max=2 * SIGMA_V)
+    # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
+    q = sigma_v.square() / noise / 1000
+    denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()))
     return pnp_admm(sinogram, A, lambda image: q * denoise(image / q), start, sigma_v=sigma_v)
 
 
