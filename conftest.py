@@ -8,6 +8,8 @@ import ast
 import os
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import nullcontext
 from dataclasses import is_dataclass
 from functools import wraps
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
@@ -97,6 +99,31 @@ def pytest_configure(config: pytest.Config) -> None:
     """Give workers that share the processors one thread each."""
     if config.getoption("numprocesses", default=None):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("MKL_CBWR", "COMPATIBLE")  # the same bytes wherever arrays lie, as worker processes have them
+
+
+class ThisProcess(Executor):
+    """Does at once, in this process, what it is asked for."""
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Return what the function has returned or raised."""
+        done: Future[Any] = Future()
+        try:
+            done.set_result(function(*args, **kwargs))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_worker_is_this_process() -> Iterator[None]:
+    """Start no process where one is asked for: it would import for longer than it works. Two are real."""
+    from pnpct.operators import processes
+
+    several = processes.worker_processes
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(processes, "worker_processes", lambda of: several(of) if of > 1 else nullcontext(ThisProcess()))
+        yield
 
 
 @pytest.fixture(autouse=True)
