@@ -26,7 +26,8 @@ With the focal spot at the top the fan angle grows to the right, and that turns 
 position β (top 0, counter-clockwise) it grows towards (cos β, sin β).
 
 The keys of a CatSim scan (sid_mm, sdd_mm, n_cols, col_pitch_mm, col_offset_cols, n_views, views_per_rotation,
-start_angle_deg, rotation_direction) are understood as well; other keys beside them are notes.
+start_angle_deg, rotation_direction) are understood as well; other keys beside them are notes. So are the fan beams of
+ASTRA, ODL, TIGRE and LEAP, in the keys that `pnpct.files.peer_geometries` lists.
 """
 
 import math
@@ -40,6 +41,7 @@ import numpy as np
 from pnpct.files.array_file import load_array
 from pnpct.files.errors import FileFormatError, PathLike, shown
 from pnpct.files.json_file import file_beside, load_json
+from pnpct.files.peer_geometries import peer_geometry
 from pnpct.geometry import FanBeam, evenly_spaced_views
 
 _REQUIRED = {"source_to_isocenter_mm", "source_to_detector_mm", "bins", "bin_width_mm"}
@@ -90,6 +92,9 @@ def read_geometry(source: PathLike | Mapping[str, Any]) -> WrittenGeometry:
     else:
         content, name, folder = load_json(source), str(source), Path(source).parent
     try:
+        peer = peer_geometry(content, folder)
+        if peer is not None:
+            return WrittenGeometry(*peer)
         return _from_catsim_keys(content) if "sid_mm" in content else _from_our_keys(content, folder)
     except FileFormatError as error:
         raise FileFormatError(f"{name}: {error}") from error
