@@ -129,7 +129,7 @@ def one_worker_is_this_process() -> Iterator[None]:
 def example_scan(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The README reads a scan: give it a small one in a folder of its own, and 64 pixels a side where it asks for 512."""
+    """Give the README the scan that it reads, a small one, and 64 pixels a side where it asks for 512."""
     if not (isinstance(request.node, pytest.DoctestItem) and request.path.name == "README.md"):
         return
     from pnpct.cli import main

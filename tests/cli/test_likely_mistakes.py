@@ -56,7 +56,6 @@ COMMANDS = [
     Case("no iterations", RECONSTRUCT + " --iterations 0", "needs at least one iteration"),
     Case("a field of view in cm", RECONSTRUCT + " --field-of-view 5", "is it in cm or m? --insist"),
     Case("a field of view in µm", RECONSTRUCT + " --field-of-view 500000", "is it in µm? --insist"),
-    Case("too many pixels", RECONSTRUCT + " --method fbp --size 1000000", "use fewer pixels"),
 ]
 
 FILES = [
