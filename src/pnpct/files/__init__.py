@@ -1,6 +1,6 @@
 """Numbers and disk: scans, images and their provenance, and what other programs have written."""
 
-from pnpct.files.array_file import load_array
+from pnpct.files.array_file import file_and_member, load_array
 from pnpct.files.atomic import atomic_folder, atomic_path
 from pnpct.files.catsim_results import scan_from_catsim
 from pnpct.files.checkpoint import load_network, save_network
@@ -62,6 +62,7 @@ __all__ = [
     "describe_file",
     "evenly_spaced",
     "export_onnx",
+    "file_and_member",
     "import_arrays",
     "load_array",
     "load_denoiser",

@@ -72,12 +72,30 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If the content is incomplete, of another format or newer version, or leads to another file.
     """
+    with opened_hdf5(path) as file:
+        _check_format(file, formats)
+        yield file
+
+
+@contextmanager
+def opened_hdf5(path: PathLike) -> Iterator[h5py.File]:
+    """Open an HDF5 file of any program for reading, as `open_hdf5` does one of pnpct's.
+
+    Args:
+        path: The file.
+
+    Yields:
+        The open file.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If the content is incomplete or leads to another file.
+    """
     path = existing_file(path)
     with path.open("rb"):
         pass  # the system's own error for what cannot be read, before HDF5's
     try:
         with h5py.File(path, "r") as file:
-            _check_format(file, formats)
             check_self_contained(file)
             yield file
     except FileFormatError as error:
@@ -153,17 +171,26 @@ def read_array(group: h5py.Group, name: str, part: tuple[Any, ...] = ()) -> Floa
         raise FileFormatError(f"{dataset.name} must hold numbers, but it holds {dataset.dtype}.")
     if dataset.shape is None or not dataset.size:
         raise FileFormatError(f"{dataset.name} is empty; create the file again.")
-    stored = dataset.id.get_storage_size()
-    if dataset.nbytes > _LARGEST_RATIO * stored + _CHUNK_BYTES:
-        raise FileFormatError(
-            f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
-            "of it; create the file again."
-        )
+    check_stored(dataset)
     values = torch.from_numpy(np.asarray(dataset[part]))
     values = values if values.is_floating_point() else values.double()
     if not values.isfinite().all():
         raise FileFormatError(f"{dataset.name} holds values that are not finite; create the file again.")
     return values
+
+
+def check_stored(dataset: h5py.Dataset) -> None:
+    """Check that a file holds about as much as a dataset declares, before memory is given to it.
+
+    Raises:
+        FileFormatError: If it declares more.
+    """
+    stored = dataset.id.get_storage_size()
+    if dataset.size and dataset.nbytes > _LARGEST_RATIO * stored + _CHUNK_BYTES:
+        raise FileFormatError(
+            f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
+            "of it; create the file again."
+        )
 
 
 def numbers_of(item: h5py.Group | h5py.Dataset, name: str, count: int) -> list[float]:

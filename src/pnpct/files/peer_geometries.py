@@ -1,4 +1,4 @@
-"""Fan beams in the words of ASTRA, ODL, TIGRE and LEAP, in JSON.
+"""Fan beams in the words of ASTRA, ODL, TIGRE, LEAP and HelTomo (the Helsinki Tomography Challenge), in JSON.
 
 Each becomes what ASTRA calls vectors: for every view where the source is, where the detector's centre is, and the step
 from one cell to the next, with x to the right and y up. What a FanBeam cannot hold is refused: a detector that is
@@ -9,6 +9,7 @@ tilted against the fan, or that moves. Lengths are mm; lists may be names of Num
     ODL     src_radius, det_radius, angles (rad, the geometry's), dpart [min, max, cells]; src_to_det_init or [0, 1]
     TIGRE   DSO, DSD, nDetector and dDetector ([v, u]), angles (rad); offDetector ([v, u]) and COR, or 0
     LEAP    sod, sdd, numCols, pixelWidth, centerCol, phis (degrees); tau, or 0
+    HelTomo distanceSourceOrigin, distanceSourceDetector, numDetectorsPost, pixelSizePost, angles (degrees)
 """
 
 from collections.abc import Callable, Mapping
@@ -25,6 +26,9 @@ from pnpct.geometry import FanBeam
 
 _Values = NDArray[np.float64]
 _Read = Callable[..., _Values]
+HELTOMO = {"distanceSourceOrigin", "distanceSourceDetector", "numDetectorsPost", "pixelSizePost", "angles"}
+"""What a HelTomo file says of the geometry, among its parameters."""
+
 _SAME = 1e-6  # of a length: what rounding leaves of an equality
 
 
@@ -77,10 +81,8 @@ def _rotated(angles: _Values, points: list[tuple[Any, Any]]) -> _Values:
 
 
 def _astra(read: _Read) -> tuple[float, _Values]:
-    source, detector = read("DistanceOriginSource"), read("DistanceOriginDetector")
-    width = read("DetectorWidth")
-    angles = read("ProjectionAngles", (None,))
-    return float(read("DetectorCount")), _rotated(angles, [(0, -source), (0, detector), (width, 0)])
+    points = [(0, -read("DistanceOriginSource")), (0, read("DistanceOriginDetector")), (read("DetectorWidth"), 0)]
+    return float(read("DetectorCount")), _rotated(read("ProjectionAngles", (None,)), points)
 
 
 def _astra_vectors(read: _Read) -> tuple[float, _Values]:
@@ -109,6 +111,13 @@ def _leap(read: _Read) -> tuple[float, _Values]:
     middle = ((bins - 1) / 2 - read("centerCol")) * width
     points = [(source, -tau), (source - detector, middle - tau), (0, width)]
     return bins, _rotated(np.radians(read("phis", (None,))) - np.pi / 2, points)
+
+
+def _heltomo(read: _Read) -> tuple[float, _Values]:
+    """As ASTRA's, to which HelTomo hands it in units of the pixels at the axis."""
+    source, detector = read("distanceSourceOrigin"), read("distanceSourceDetector")
+    points = [(0, -source), (0, detector - source), (read("pixelSizePost"), 0)]
+    return float(read("numDetectorsPost")), _rotated(np.radians(read("angles", (None,))), points)
 
 
 _PEERS: tuple[tuple[Callable[[Mapping[str, Any]], bool], str, set[str], set[str], Callable[..., Any]], ...] = (
@@ -147,6 +156,7 @@ _PEERS: tuple[tuple[Callable[[Mapping[str, Any]], bool], str, set[str], set[str]
         {"tau"},
         _leap,
     ),
+    (lambda content: not HELTOMO.isdisjoint(set(content) - {"angles"}), "HelTomo", HELTOMO, set(), _heltomo),
 )
 
 
