@@ -11,6 +11,8 @@ import gzip
 import sys
 import warnings
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +34,6 @@ from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu, to_hu
 
 FORMAT = "pnpct-image"
-_SILENT: Any = nib.imageglobals.LoggingOutputSuppressor  # nibabel reports to stderr what it mends
 _DIVERGED_HU, _LARGEST_HU = 1e9, 1e6
 """What no image has, nor a map of other values; and no matter, as files from elsewhere hold it."""
 
@@ -172,7 +173,7 @@ def _write_nifti(path: PathLike, image: Image | Volume, grid: Grid, provenance: 
 def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     existing_file(path)
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"), _SILENT():
+        with warnings.catch_warnings(), np.errstate(all="ignore"), _silent_nibabel():
             warnings.simplefilter("ignore")  # what does not fit is refused below
             voxels, affine, axes, own = _canonical(path)
     except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
@@ -202,6 +203,17 @@ def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     slices, rows, cols = image.shape
     plane = ImageGrid(rows, cols, spacing, (0.0 - right, front))
     return (image[0], plane) if axes == 2 else (image, VolumeGrid(plane, slices, slice_spacing, head))
+
+
+@contextmanager
+def _silent_nibabel() -> Iterator[None]:
+    """Keep nibabel from reporting to stderr what it mends; its own way leaves it without a handler for good."""
+    logger: Any = nib.imageglobals.logger
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
