@@ -79,12 +79,6 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
 def opened_hdf5(path: PathLike) -> Iterator[h5py.File]:
     """Open an HDF5 file of any program for reading, as `open_hdf5` does one of pnpct's.
 
-    Args:
-        path: The file.
-
-    Yields:
-        The open file.
-
     Raises:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If the content is incomplete or leads to another file.
