@@ -7,8 +7,8 @@ from pnpct.simulation.beam import (
     Detector,
     bowtie_thickness,
     effective_mu_water,
+    hardening_correction,
     scanner_beam,
-    water_correction,
 )
 from pnpct.simulation.body import Body
 from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
@@ -64,6 +64,7 @@ __all__ = [
     "expose",
     "fingerprint",
     "from_files",
+    "hardening_correction",
     "head_body",
     "low_contrast_phantom",
     "moments_behind",
@@ -76,6 +77,5 @@ __all__ = [
     "simulate_moments",
     "truth",
     "tube_spectrum",
-    "water_correction",
     "with_lesions",
 ]
