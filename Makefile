@@ -24,7 +24,7 @@ demo: $(READY)  ## Simulate a low-dose slice, reconstruct it in several ways, wr
 	PATH="$(abspath $(BIN)):$$PATH" bash runs/demo.sh demo
 
 test: $(READY)  ## Run the tests, README and docs included.
-	$(BIN)/pytest -q -n auto -m "not slow"
+	$(BIN)/pytest -q -n auto --dist loadfile -m "not slow"
 
 test-slow: $(READY)  ## Run all tests, the slow ones too.
 	$(BIN)/pytest -q
