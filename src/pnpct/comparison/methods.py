@@ -204,7 +204,9 @@ class PaperMethods:
         learned = {"supervised": load_denoiser(self.supervised), "two-stage": load_denoiser(self.two_stage)}
         loops = {name: PlugAndPlay(each, beta=self.beta, iterations=self.iterations) for name, each in learned.items()}
         further = {
-            f"pnp-{Path(name).stem}": PlugAndPlay(load_denoiser(name), beta=self.beta, iterations=self.iterations)
+            f"pnp-{Path(name.rpartition(':')[2]).stem}": PlugAndPlay(
+                load_denoiser(name), beta=self.beta, iterations=self.iterations
+            )
             for name in self.denoiser
         }
         of_paper = Candidates(

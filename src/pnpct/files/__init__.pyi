@@ -23,9 +23,10 @@ from .geometry_json import WrittenGeometry, read_geometry
 from .hdf5 import describe_file
 from .image_file import WINDOW, check_window, read_image, write_image
 from .image_series import ImageSeries, read_volume
+from .import_path import imported, imported_network, is_import_path, where_imported
 from .importers import ImportedScan, import_arrays, scan_from_arrays
 from .manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
-from .named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names
+from .named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names, read_network
 from .onnx_file import export_onnx
 from .provenance import Provenance, record_run, sha256_of, write_sidecar
 from .scan_file import SCAN, read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
@@ -63,6 +64,9 @@ __all__ = [
     "evenly_spaced",
     "export_onnx",
     "import_arrays",
+    "imported",
+    "imported_network",
+    "is_import_path",
     "load_array",
     "load_denoiser",
     "load_network",
@@ -75,6 +79,7 @@ __all__ = [
     "read_geometry",
     "read_image",
     "read_manifest",
+    "read_network",
     "read_patient",
     "read_scan",
     "read_scan_geometry",
@@ -93,6 +98,7 @@ __all__ = [
     "sole_writer",
     "taken_from_scan",
     "tube_voltages",
+    "where_imported",
     "write_dicom_series",
     "write_exposures",
     "write_image",
