@@ -269,6 +269,15 @@ def test_four_axes_of_nifti_are_refused(tmp_path):
         read_image(tmp_path / "image.nii")
 
 
+def test_nibabel_says_nothing_of_its_own(tmp_path, image, caplog):
+    write_image(tmp_path / "image.nii", image, GRID, provenance=PROVENANCE)
+    content = bytearray((tmp_path / "image.nii").read_bytes())
+    content[252:254] = (40).to_bytes(2, "little")  # the qform's code, of which there are four
+    (tmp_path / "image.nii").write_bytes(content)
+    assert read_image(tmp_path / "image.nii")[1] == GRID
+    assert not caplog.records
+
+
 def test_a_missing_file_is_named(tmp_path):
     for suffix in (".h5", ".nii"):
         with pytest.raises(FileNotFoundError, match=f"There is no file .*absent{suffix}"):

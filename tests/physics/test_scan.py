@@ -57,6 +57,7 @@ def test_one_seed_gives_one_scan(geometry, moments):
         ({"line_integrals": torch.full((2, 2), math.nan)}, "finite line integrals"),
         ({"incident": torch.tensor(0.0)}, "incident must be positive"),
         ({"electronic_noise": -1.0}, "electronic_noise must be finite and not negative, got -1.0"),
+        ({"electronic_noise": 1e300}, r"electronic_noise must be .* at most 1e\+18"),
     ],
 )
 def test_impossible_simulations_are_refused(generator, arguments, sentence):

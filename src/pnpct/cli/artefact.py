@@ -64,9 +64,3 @@ def finish_scan(
     """
     write_scan(path, scan, provenance=provenance, truth=truth)
     finish(path, provenance, summary=f"{scan.geometry}{', and the truth' if truth else ''}")
-
-
-def file_of(array: Path) -> Path:
-    """Return the file that holds an array, which may be named like scan.npz:counts."""
-    file, member, _ = str(array).partition(".npz:")
-    return Path(file + ".npz") if member else array

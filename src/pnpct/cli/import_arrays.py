@@ -7,22 +7,22 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
-from pnpct.cli.artefact import SCANS, check_output, file_of, finish_scan
+from pnpct.cli.artefact import SCANS, check_output, finish_scan
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import say
-from pnpct.files import import_arrays, record_run
+from pnpct.files import file_and_member, import_arrays, record_run
 from pnpct.units import MU_WATER_70_KEV
 
 
 @dataclass(frozen=True)
 class ImportArrays:
-    """Make a scan from NumPy files of counts or line integrals, and a geometry in JSON.
+    """Make a scan from NumPy or MATLAB files of counts or line integrals, and a geometry in JSON.
 
     Name one of several arrays in a file as in scan.npz:counts. pnpct.files.geometry_json lists the geometry's keys.
 
     Args:
-        array: Counts or line integrals, views x bins, .npy or .npz.
-        geometry: The geometry, .json.
+        array: Counts or line integrals, views x bins, .npy, .npz or .mat.
+        geometry: The geometry, .json, or a .mat file of HelTomo (such as the Helsinki Tomography Challenge).
         scan: File for the scan, .h5.
         incident: Counts expected without an object (air): a number, or a file with one for each bin, view or
             ray. For line integrals it may be left out: FBP needs none, and for weights it is estimated from the noise.
@@ -53,7 +53,7 @@ class ImportArrays:
     def run(self, command: Sequence[str]) -> None:
         """Read, and write the scan."""
         arrays = (self.array, self.incident, self.mask, self.beam_hardening)
-        inputs = [self.geometry, *(file_of(array) for array in arrays if isinstance(array, Path))]
+        inputs = [self.geometry, *(file_and_member(array)[0] for array in arrays if isinstance(array, Path))]
         check_output(self.scan, SCANS, inputs=inputs)
         imported = import_arrays(
             self.array,

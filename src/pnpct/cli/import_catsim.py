@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
-from pnpct.cli.artefact import SCANS, check_output, file_of, finish_scan
+from pnpct.cli.artefact import SCANS, check_output, finish_scan
 from pnpct.cli.parsing import option
-from pnpct.files import record_run, scan_from_catsim
+from pnpct.files import file_and_member, record_run, scan_from_catsim
 from pnpct.units import MU_WATER_70_KEV
 
 
@@ -45,7 +45,7 @@ class ImportCatsim:
         """Read, and write the scan."""
         raw = [Path(f"{self.prefix}.{suffix}") for suffix in ("scan", "prep", "air", "offset")]
         inputs = [*(path for path in raw if path.is_file()), *self.configuration]
-        inputs += [file_of(self.beam_hardening)] if self.beam_hardening else []
+        inputs += [file_and_member(self.beam_hardening)[0]] if self.beam_hardening else []
         check_output(self.scan, SCANS, inputs=inputs)
         scan = scan_from_catsim(
             self.prefix,

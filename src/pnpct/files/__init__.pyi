@@ -1,6 +1,6 @@
 """What `pnpct.files` has, and where; its `__init__.py` imports each when it is first asked for."""
 
-from .array_file import load_array
+from .array_file import file_and_member, load_array
 from .atomic import atomic_folder, atomic_path
 from .catsim_results import scan_from_catsim
 from .checkpoint import load_network, save_network
@@ -63,6 +63,7 @@ __all__ = [
     "describe_file",
     "evenly_spaced",
     "export_onnx",
+    "file_and_member",
     "import_arrays",
     "imported",
     "imported_network",

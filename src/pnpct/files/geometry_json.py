@@ -26,7 +26,9 @@ With the focal spot at the top the fan angle grows to the right, and that turns 
 position β (top 0, counter-clockwise) it grows towards (cos β, sin β).
 
 The keys of a CatSim scan (sid_mm, sdd_mm, n_cols, col_pitch_mm, col_offset_cols, n_views, views_per_rotation,
-start_angle_deg, rotation_direction) are understood as well; other keys beside them are notes.
+start_angle_deg, rotation_direction) are understood as well; other keys beside them are notes. So are the fan beams of
+ASTRA, ODL, TIGRE, LEAP and HelTomo, in the keys that `pnpct.files.peer_geometries` lists; HelTomo's are found
+in its .mat files too.
 """
 
 import math
@@ -40,6 +42,8 @@ import numpy as np
 from pnpct.files.array_file import load_array
 from pnpct.files.errors import FileFormatError, PathLike, shown
 from pnpct.files.json_file import file_beside, load_json
+from pnpct.files.mat_file import mat_scan_parameters
+from pnpct.files.peer_geometries import HELTOMO, peer_geometry
 from pnpct.geometry import FanBeam, evenly_spaced_views
 
 _REQUIRED = {"source_to_isocenter_mm", "source_to_detector_mm", "bins", "bin_width_mm"}
@@ -70,14 +74,14 @@ class WrittenGeometry:
 
 
 def read_geometry(source: PathLike | Mapping[str, Any]) -> WrittenGeometry:
-    """Read a geometry from a JSON file, or from the dictionary that such a file would give.
+    """Read a geometry from a JSON file or what it would hold, or from a .mat file of HelTomo.
 
     Args:
         source: The file, or its content.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
-        FileFormatError: If it is not JSON, keys are missing or unknown, or values do not fit together.
+        FileFormatError: If it is not JSON or MATLAB, keys are missing or unknown, or values do not fit together.
 
     Example:
         >>> keys = dict(source_to_isocenter_mm=541, source_to_detector_mm=949, bins=900, bin_width_mm=1.0239)
@@ -88,8 +92,13 @@ def read_geometry(source: PathLike | Mapping[str, Any]) -> WrittenGeometry:
     if isinstance(source, Mapping):
         content, name = dict(source), "The geometry"
     else:
-        content, name, folder = load_json(source), str(source), Path(source).parent
+        name, path = str(source), Path(source)
+        content = mat_scan_parameters(path, HELTOMO) if path.suffix == ".mat" else load_json(path)
+        folder = path.parent
     try:
+        peer = peer_geometry(content, folder)
+        if peer is not None:
+            return WrittenGeometry(*peer)
         return _from_catsim_keys(content) if "sid_mm" in content else _from_our_keys(content, folder)
     except FileFormatError as error:
         raise FileFormatError(f"{name}: {error}") from error

@@ -15,7 +15,7 @@ from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
 from pnpct.files.growing_file import GrowingFile
 from pnpct.files.provenance import Provenance
-from pnpct.files.self_contained import check_self_contained
+from pnpct.files.self_contained import check_self_contained, check_stored
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 FORMAT_VERSION = 1
@@ -24,8 +24,6 @@ _DAMAGE = (ArithmeticError, AttributeError, KeyError, OSError, RuntimeError, Sys
 _PLANE = {"spacing_mm": "spacing", "rows": "rows", "cols": "cols"}
 _STACK = {"slices": "slices", "slice_spacing_mm": "slice_spacing", "z_mm": "z"}
 _CHUNK_BYTES = 1 << 18
-_LARGEST_RATIO = 1100
-"""Bytes that one byte of gzip can become at most, and a little more."""
 
 
 @contextmanager
@@ -72,12 +70,24 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If the content is incomplete, of another format or newer version, or leads to another file.
     """
+    with opened_hdf5(path) as file:
+        _check_format(file, formats)
+        yield file
+
+
+@contextmanager
+def opened_hdf5(path: PathLike) -> Iterator[h5py.File]:
+    """Open an HDF5 file of any program for reading, as `open_hdf5` does one of pnpct's.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If the content is incomplete or leads to another file.
+    """
     path = existing_file(path)
     with path.open("rb"):
         pass  # the system's own error for what cannot be read, before HDF5's
     try:
         with h5py.File(path, "r") as file:
-            _check_format(file, formats)
             check_self_contained(file)
             yield file
     except FileFormatError as error:
@@ -153,12 +163,7 @@ def read_array(group: h5py.Group, name: str, part: tuple[Any, ...] = ()) -> Floa
         raise FileFormatError(f"{dataset.name} must hold numbers, but it holds {dataset.dtype}.")
     if dataset.shape is None or not dataset.size:
         raise FileFormatError(f"{dataset.name} is empty; create the file again.")
-    stored = dataset.id.get_storage_size()
-    if dataset.nbytes > _LARGEST_RATIO * stored + _CHUNK_BYTES:
-        raise FileFormatError(
-            f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
-            "of it; create the file again."
-        )
+    check_stored(dataset)
     values = torch.from_numpy(np.asarray(dataset[part]))
     values = values if values.is_floating_point() else values.double()
     if not values.isfinite().all():

@@ -75,14 +75,15 @@ def import_arrays(
 ) -> ImportedScan:
     """Make a scan of measured counts or line integrals and a geometry written in JSON.
 
-    Line integrals p become counts, incident · exp(−p). Arrays come from memory or from .npy and .npz
-    files, a member of the latter chosen as in "scan.npz:counts". Rays that are NaN, masked, or without incident counts
+    Line integrals p become counts, incident · exp(−p). Arrays come from memory or from .npy, .npz
+    and .mat files, a member chosen as in "scan.npz:counts". Rays that are NaN, masked, or without incident counts
     were not measured, nor were cells that counted nothing but noise in all views: their incident counts become 0.
     Views in which nothing was measured are left out.
 
     Args:
         array: Counts or line integrals, (views, bins), or a batch of them.
-        geometry: The JSON file, or its content; the schema is that of `pnpct.files.geometry_json`.
+        geometry: The JSON file, or its content; the schema is that of `pnpct.files.geometry_json`. Or a .mat file of
+            HelTomo.
         kind: What the array holds: "line-integrals" −ln(counts/incident), dimensionless, or "counts". Where no count
             exceeds 2, they are taken for transmissions counts/incident.
         incident: Counts expected without an object: one number, or an array of shape (bins,), (views, 1) or

@@ -9,6 +9,8 @@ image, which has no height, is one of two.
 import gzip
 import warnings
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,6 @@ from pnpct.files.provenance import Provenance
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu
 
-_SILENT: Any = nib.imageglobals.LoggingOutputSuppressor  # nibabel reports to stderr what it mends
 _LARGEST_HU = 1e6
 """No matter has as much; files from elsewhere hold it."""
 
@@ -74,7 +75,7 @@ def read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     """
     existing_file(path)
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"), _SILENT():
+        with warnings.catch_warnings(), np.errstate(all="ignore"), _silent_nibabel():
             warnings.simplefilter("ignore")  # what does not fit is refused below
             voxels, affine, axes, own = _canonical(path)
     except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
@@ -104,6 +105,17 @@ def read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     slices, rows, cols = image.shape
     plane = ImageGrid(rows, cols, spacing, (0.0 - right, front))
     return (image[0], plane) if axes == 2 else (image, VolumeGrid(plane, slices, slice_spacing, head))
+
+
+@contextmanager
+def _silent_nibabel() -> Iterator[None]:
+    """Keep nibabel from reporting to stderr what it mends; its own way leaves it without a handler for good."""
+    logger: Any = nib.imageglobals.logger
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:

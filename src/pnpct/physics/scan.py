@@ -17,6 +17,8 @@ from pnpct.physics.noise_kernels import draw_counts
 LOWEST_COUNT = -8.0
 """Counts further below 0 than so many standard deviations of the electronic noise are errors: once in 1e15 rays."""
 
+_LARGEST_NOISE = 1e18  # as any count; its square is a number in single precision too
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:
@@ -266,8 +268,7 @@ def _noisy(expected: Rays, size: Tensor, deviation: Tensor, generator: torch.Gen
 
 
 def _check_counts(counts: Tensor, electronic_noise: float) -> None:
-    broken = int((~counts.isfinite()).sum())
-    if broken:
+    if broken := int((~counts.isfinite()).sum()):
         raise ValueError(f"Counts must be finite, but {broken} of {counts.numel()} are NaN or infinite.")
     lowest = float(counts.min())
     if lowest < LOWEST_COUNT * electronic_noise:
@@ -295,5 +296,5 @@ def _positive(name: str, array: Tensor) -> None:
 
 
 def _not_negative(name: str, number: float) -> None:
-    if not (math.isfinite(number) and number >= 0):
-        raise ValueError(f"{name} must be finite and not negative, got {number}.")
+    if not 0 <= number <= _LARGEST_NOISE:
+        raise ValueError(f"{name} must be finite and not negative, got {number}; at most {_LARGEST_NOISE:g} can be.")
