@@ -1,3 +1,6 @@
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 import torch
 from torch import Tensor, nn
@@ -71,6 +74,28 @@ def test_what_no_network_has_is_refused(options, words):
 def test_a_network_that_returns_another_shape_is_refused(images):
     with pytest.raises(ValueError, match=r"\(3, 1, 12, 14\), and this one returned \(3, 1, 10, 12\)"):
         AdaptedNetwork(nn.Conv2d(1, 1, 3))(images)
+
+
+class LikeDRUNet(nn.Module):
+    """Called as deepinv's DRUNet: sigma, for each image, becomes a channel of its own."""
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__()
+        self.layers = nn.Conv2d(in_channels + 1, out_channels, 1, bias=False)
+        nn.init.ones_(self.layers.weight)
+
+    def forward(self, x: Tensor, sigma: Tensor) -> Tensor:
+        assert x.ndim == 4
+        assert sigma.shape == x.shape[:1]
+        return self.layers(torch.cat([x, sigma.view(-1, 1, 1, 1).expand(-1, 1, *x.shape[2:])], 1))
+
+
+def test_the_line_of_the_guide_takes_a_denoiser_of_deepinv(images):
+    guide = Path(__file__).parents[2] / "docs/guide-own-denoiser.md"
+    (line,) = (row for row in guide.read_text(encoding="utf-8").splitlines() if "deepinv.models.DRUNet(" in row)
+    known = {"AdaptedNetwork": AdaptedNetwork, "LearnedDenoiser": LearnedDenoiser}
+    exec(line, known | {"deepinv": SimpleNamespace(models=SimpleNamespace(DRUNet=LikeDRUNet))}, found := {})
+    torch.testing.assert_close(found["denoise"](images), images + 0.04)
 
 
 def test_white_noise_is_estimated_and_ramps_and_air_are_not(generator):
