@@ -143,6 +143,6 @@ def test_a_bug_shows_where_it_is(monkeypatch):
     def broken(*_, **__):
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr("pnpct.cli.app.parse", broken)
+    monkeypatch.setattr("pnpct.cli.parsing.parse", broken)
     with pytest.raises(RuntimeError, match="a bug"):
         main(["info", "file.h5"])

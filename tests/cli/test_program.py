@@ -139,7 +139,7 @@ def test_running_out_of_memory_gets_one_line(run, monkeypatch):
         def fail(*_, error=error, **__):
             raise error
 
-        monkeypatch.setattr("pnpct.cli.app.parse", fail)
+        monkeypatch.setattr("pnpct.cli.parsing.parse", fail)
         status, _, err = run("info", "file.h5")
         assert status == 2
         assert err == "pnpct: out of memory; use fewer pixels or a larger machine.\n"
