@@ -41,7 +41,7 @@ from pnpct.files.provenance import Provenance
 from pnpct.geometry import Geometry, Grid
 from pnpct.physics import Scan
 
-FORMAT = "pnpct-scan"
+SCAN = "pnpct-scan"
 
 
 def write_scan(
@@ -67,7 +67,7 @@ def write_scan(
         OSError: If the file cannot be written.
         ValueError: If the truth does not fit its grid.
     """
-    with new_hdf5(path, file_format=FORMAT, provenance=provenance, description=description) as file:
+    with new_hdf5(path, file_format=SCAN, provenance=provenance, description=description) as file:
         _fill(file, scan.geometry, [scan])
         if truth is not None:
             write_image_dataset(file.create_group("truth"), *truth, description="the object that was scanned")
@@ -94,7 +94,7 @@ def write_scan_slabs(
         OSError: If the file cannot be written.
         ValueError: If the slabs are not pieces of one scan with this geometry.
     """
-    with new_hdf5(path, file_format=FORMAT, provenance=provenance, description=description) as file:
+    with new_hdf5(path, file_format=SCAN, provenance=provenance, description=description) as file:
         _fill(file, geometry, slabs)
 
 
@@ -164,7 +164,7 @@ def read_scan(path: PathLike, *, views: slice = slice(None)) -> Scan:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If it is not a complete scan that fits together, or has none of the views.
     """
-    with open_hdf5(path, formats=(FORMAT,)) as file:
+    with open_hdf5(path, formats=(SCAN,)) as file:
         geometry = read_geometry_group(group_of(file, "geometry"), views)
         shape = (len(file["geometry/view_angles"]), *geometry.shape[1:])
         part = (..., views, *[slice(None)] * (len(shape) - 1))
@@ -196,7 +196,7 @@ def read_scan_geometry(path: PathLike) -> Geometry:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If it is not a scan, or its geometry does not fit together.
     """
-    with open_hdf5(path, formats=(FORMAT,)) as file:
+    with open_hdf5(path, formats=(SCAN,)) as file:
         return read_geometry_group(group_of(file, "geometry"))
 
 
@@ -207,5 +207,5 @@ def read_truth(path: PathLike) -> tuple[Image | Volume, Grid] | None:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If it is not a scan, or its truth is incomplete.
     """
-    with open_hdf5(path, formats=(FORMAT,)) as file:
+    with open_hdf5(path, formats=(SCAN,)) as file:
         return read_image_dataset(group_of(file, "truth")) if "truth" in file else None

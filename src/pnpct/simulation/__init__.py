@@ -14,6 +14,7 @@ from pnpct.simulation.body import Body
 from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
 from pnpct.simulation.ct_body import CTBody
 from pnpct.simulation.dataset import simulate_dataset
+from pnpct.simulation.example import example_scan
 from pnpct.simulation.lesions import with_lesions
 from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE, low_contrast_phantom
 from pnpct.simulation.materials import MATERIALS, Material, attenuation
@@ -61,6 +62,7 @@ __all__ = [
     "chest_body",
     "clinical_fan_beam",
     "effective_mu_water",
+    "example_scan",
     "expose",
     "fingerprint",
     "from_files",
