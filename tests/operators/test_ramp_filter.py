@@ -2,6 +2,7 @@ import math
 
 import pytest
 import torch
+from scipy.interpolate import CubicSpline
 
 from pnpct.operators import ramp_filter
 
@@ -47,3 +48,18 @@ def test_a_batch_is_its_slices():
     together = ramp_filter(y, spacing=0.1, equiangular=True, kernel="soft")
     alone = ramp_filter(y[1, 4], spacing=0.1, equiangular=True, kernel="soft")
     torch.testing.assert_close(together[1, 4], alone)
+
+
+def test_the_soft_kernel_is_the_spline_through_its_points() -> None:
+    spacing, bins = 0.1, 128
+    impulse = torch.zeros(1, bins, dtype=torch.float64)
+    impulse[0, bins // 2] = 1
+    sharp, soft = (
+        ramp_filter(impulse, spacing=spacing, equiangular=False, kernel=name) for name in ("ram-lak", "soft")
+    )
+    length = 2 * bins
+    window = torch.fft.rfft(soft, length).abs() / torch.fft.rfft(sharp, length).abs()
+    spline = CubicSpline(np.linspace(0, 1, 5), (1.0, 0.815, 0.4564, 0.1636, 0.0), bc_type=((1, 0.0), "not-a-knot"))
+    frequency = np.linspace(0, 1, window.shape[-1])
+    middle = slice(10, -10)
+    np.testing.assert_allclose(window[0].numpy()[middle], spline(frequency)[middle], atol=0.02)
