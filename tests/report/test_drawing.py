@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pnpct.report.drawing import ROW, Bar, Line, bar_chart, line_chart
+from pnpct.report.drawing import ROW, TOP, Bar, Line, bar_chart, line_chart
 from pnpct.report.results import TOKENS
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -97,3 +97,11 @@ def test_on_logarithmic_axes_a_power_law_is_straight_and_intervals_are_drawn():
 
 def test_the_same_chart_is_the_same_text():
     assert bar_chart("t", BARS, axis="a", says="s", width=240) == bar_chart("t", BARS, axis="a", says="s", width=240)
+
+
+def test_a_long_title_has_two_lines_above_the_first_bar():
+    title = "abdomen-000-row00, 100 mA, 120 kVp: 12 mm, −40 HU and more words than there is room for"
+    root = ElementTree.fromstring(bar_chart(title, BARS, axis="a", says="s", width=240).svg)
+    heights = {text.text: float(text.get("y")) for text in root.iter(f"{SVG}text")}
+    first, second = "abdomen-000-row00, 100 mA, 120", "kVp: 12 mm, −40 HU and more …"
+    assert 8 < heights[first] < heights[second] < TOP

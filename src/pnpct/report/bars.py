@@ -114,8 +114,8 @@ def _beside(results: Results, charts: Iterator[Chart | None]) -> Bars:
 
 
 def _width(charts: int) -> int:
-    """Width of each of several charts that stand beside each other, dots."""
-    return max(160, min(380, 1130 // max(1, charts)))
+    """Width of each of several charts that stand beside each other, dots: one fits on a phone beside the names."""
+    return max(160, min(236, 1130 // max(1, charts)))
 
 
 def _chart(

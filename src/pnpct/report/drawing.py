@@ -1,6 +1,7 @@
 """Charts by matplotlib as SVG in a page: words stay words, and colours follow the page into the dark."""
 
 import io
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from matplotlib.figure import Figure
 
 from pnpct.report.results import TOKENS
 
-ROW, TOP, BOTTOM = 28, 34, 40
+ROW, TOP, BOTTOM = 28, 44, 40
 """Height of a bar with its surroundings, and what is above the first bar and below the last, in dots of the screen."""
 
 VALUES = 62
@@ -100,7 +101,7 @@ def bar_chart(
     """Draw bars below each other, whose names stand beside the chart in lines of the height `ROW`.
 
     Args:
-        title: What stands above.
+        title: What stands above, in two lines at most.
         bars: The bars; None leaves a row empty.
         axis: Title of the axis, with its unit.
         says: A sentence for who cannot see it.
@@ -110,7 +111,10 @@ def bar_chart(
     height = TOP + ROW * len(bars) + BOTTOM
     with _drawn(width, height, left=16, right=VALUES, top=TOP, bottom=BOTTOM) as (figure, plot):
         plot.set(xlabel=axis, ylim=(len(bars) - 0.5, -0.5), yticks=[])
-        plot.text(0.0, 1 + 12 / (ROW * len(bars)), title, transform=plot.transAxes, weight="bold", color=TOKENS["ink"])
+        words: dict[str, Any] = {"transform": plot.transAxes, "weight": "bold", "color": TOKENS["ink"]}
+        lines = textwrap.wrap(title, (width - 16) // 7, max_lines=2, placeholder=" …")
+        for number, line in enumerate(reversed(lines)):
+            plot.text(0.0, 1 + (12 + 15 * number) / (ROW * len(bars)), line, **words)
         plot.axvline(0.0, color=TOKENS["quiet"], linewidth=1)
         for row, bar in enumerate(bars):
             if bar is None:
