@@ -47,7 +47,8 @@ def _take(page: Any, path: Path, scheme: str, width: int, height: int, place: st
     page.wait_for_timeout(500)  # until what came into view is drawn
     page.screenshot(path=path)
     with Picture.open(path) as picture:  # a palette is enough, and a third of the bytes
-        picture.convert("RGB").quantize(128, dither=Picture.Dither.NONE).save(path, optimize=True)
+        palette = picture.convert("RGB").quantize(256, Picture.Quantize.MAXCOVERAGE, dither=Picture.Dither.NONE)
+        palette.save(path, optimize=True)
 
 
 def main() -> None:

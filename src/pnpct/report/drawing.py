@@ -135,7 +135,7 @@ def bar_chart(
             )
         if aim is not None:
             plot.axvline(aim, color=TOKENS["c-given"], linewidth=2.5)
-        plot.xaxis.set_major_locator(mpl.ticker.MaxNLocator(3 if width < 260 else 5))
+        plot.xaxis.set_major_locator(mpl.ticker.MaxNLocator(3, steps=(1, 2, 5, 10)))
         plot.margins(x=0.06)
     return Chart(title, as_svg(figure, says))
 
