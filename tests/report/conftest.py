@@ -11,7 +11,7 @@ from pnpct.report import write_report
 from pnpct.units import to_hu
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-TIMEOUT_MS = 60_000  # machines that are busy with other things start a browser slowly
+TIMEOUT_MS = 120_000  # machines that are busy with other things start a browser slowly
 
 
 @pytest.fixture(scope="session")
