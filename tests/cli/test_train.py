@@ -211,8 +211,7 @@ def test_the_defaults_are_those_of_the_method(name: str) -> None:
 
 
 def test_every_option_arrives_in_the_method() -> None:
-    shared = "--epochs 3 --pairs-per-epoch 6 --batch 2 --side 32 --learning-rate 0.5 --micro-batch 1"
-    shared += " --seed 7"
+    shared = "--epochs 3 --pairs-per-epoch 6 --batch 2 --side 32 --learning-rate 0.5 --micro-batch 1 --seed 7"
     of_all: dict[str, Any] = {"epochs": 3, "pairs_per_epoch": 6, "batch": 2, "side": 32, "learning_rate": 0.5}
     of_all |= {"micro_batch": 1, "seed": 7, "bfloat16": True}
     words = (

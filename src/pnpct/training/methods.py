@@ -31,8 +31,9 @@ from pnpct.training.losses import (
     stage_two_loss,
 )
 from pnpct.training.pairs import Pairs
+from pnpct.training.schedule import BATCH, LEARNING_RATE
 from pnpct.training.single_scan import SplitViewPairs
-from pnpct.training.two_stage import BATCH, LEARNING_RATE, Epoch, train, two_stage
+from pnpct.training.two_stage import Epoch, train, two_stage
 from pnpct.training.validation import validate
 
 ReferenceName: TypeAlias = Reference | Literal["noise-free"]

@@ -3,12 +3,10 @@
     stage 1   L = L_MSE + λ_SSIM L_SSIM                      between D(v_low) and another v_low
     stage 2   L = L_MSE + λ_tex L_tex + λ_ca L_ca            between D(v_low) and v_high
 
-D is the network, v are images. In both stages the learning rate of AdamW rises, then falls as a cosine to zero; the
-network has the running average of the weights. The paper has Adam, whose learning rate falls by 1 % after each epoch.
+D is the network, v are images. In each stage the learning rate of AdamW rises and falls, and D is a running average.
 """
 
 import copy
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
@@ -20,16 +18,10 @@ from pnpct.training.continuing import load_epoch
 from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
 from pnpct.training.pairs import Pair
 from pnpct.training.pairwise import pairwise_losses
+from pnpct.training.schedule import BATCH, LEARNING_RATE, average, check_learning_rate, copied_weights, share_of_rate
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
 NumberedPairs: TypeAlias = Callable[[int], Pair]  # as `Pairs`: the same number is always the same pair
-BATCH, LEARNING_RATE = 8, 1e-4  # of the paper
-
-WARM_UP = 0.05
-"""Share of the steps of a stage in which the learning rate rises."""
-
-MEMORY = 0.998
-"""Share of the running average that a step keeps: the average is over the last 500 steps or so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,56 +117,33 @@ def train(
         raise ValueError(f"Training cannot have {sizes}; each is at least 1.")
     if pairs_per_epoch % batch or batch % world:
         raise ValueError(f"{pairs_per_epoch} pairs cannot be split into batches of {batch}, or a batch by {world}.")
-    if not 0 < learning_rate < math.inf:
-        raise ValueError(f"A learning rate is a positive number, got {learning_rate}.")
+    check_learning_rate(learning_rate)
     if after is not None and (after.stage != stage or after.number > epochs):
         raise ValueError(f"Epoch {after.number} of {after.stage} cannot be continued by {epochs} epochs of {stage}.")
-    device = next(D.parameters()).device
     latest = copy.deepcopy(D).train()
     optimizer = torch.optim.AdamW(latest.parameters(), lr=learning_rate)
     if after is not None:
         load_epoch((D, latest), optimizer, (after.weights, after.latest), after.optimizer)
-    steps = pairs_per_epoch // batch
     for number in range(after.number if after else 0, epochs):
-        total = torch.zeros((), dtype=torch.float64, device=device)
+        total = torch.zeros((), dtype=torch.float64, device=next(D.parameters()).device)
         for first in range(number * pairs_per_epoch, (number + 1) * pairs_per_epoch, batch):
-            step = first // batch
-            optimizer.param_groups[0]["lr"] = learning_rate * _share_of_rate(step, epochs * steps)
+            rate = learning_rate * share_of_rate(first // batch, epochs * pairs_per_epoch // batch)
+            optimizer.param_groups[0].update(lr=rate)
             optimizer.zero_grad()
             mine = range(first + rank, first + batch, world)
             for part in range(0, len(mine), micro_batch):
-                drawn = [pairs(each) for each in mine[part : part + micro_batch]]
-                of_part = pairwise_losses(latest, drawn, loss, bfloat16=bfloat16)
+                of_part = pairwise_losses(
+                    latest, [*map(pairs, mine[part : part + micro_batch])], loss, bfloat16=bfloat16
+                )
                 (of_part.sum() / batch).backward()
                 total += of_part.detach().double().sum()
-            if world > 1:
-                for parameter in latest.parameters():
-                    distributed.all_reduce(parameter.grad)
+            for parameter in latest.parameters() if world > 1 else ():
+                distributed.all_reduce(parameter.grad)
             optimizer.step()
-            _average(D, latest, kept=min(MEMORY, (1 + step) / (10 + step)))
+            average(D, latest, first // batch)
         if world > 1:
             distributed.all_reduce(total)
         if not total.isfinite():
             raise ValueError(f"The loss is not finite in epoch {number + 1} of {stage}; lower the learning rate.")
-        loss_of_pairs, state = float(total) / pairs_per_epoch, copy.deepcopy(optimizer.state_dict())
-        yield Epoch(stage, number + 1, loss_of_pairs, _copied_weights(D), _copied_weights(latest), state)
-
-
-def _share_of_rate(step: int, steps: int) -> float:
-    """The learning rate of a step, of so many, over the highest."""
-    rising = min(1.0, (step + 1) / (WARM_UP * steps))
-    return rising * (1 + math.cos(math.pi * step / steps)) / 2
-
-
-@torch.no_grad()
-def _average(running: nn.Module, latest: nn.Module, *, kept: float) -> None:
-    """Take the latest weights into the running average, and everything else as it is."""
-    for mean, value in zip(running.state_dict().values(), latest.state_dict().values(), strict=True):
-        if mean.is_floating_point():
-            mean.lerp_(value, 1 - kept)
-        else:
-            mean.copy_(value)
-
-
-def _copied_weights(network: nn.Module) -> dict[str, torch.Tensor]:
-    return {name: value.detach().cpu().clone() for name, value in network.state_dict().items()}
+        weights, state = (copied_weights(D), copied_weights(latest)), copy.deepcopy(optimizer.state_dict())
+        yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, *weights, state)
