@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Train the networks that come with the package: about seven and a half hours on two cores.
+# Train networks like those that come with the package: about seven and a half hours on two cores. The shipped ones had
+# Adam, a learning rate that fell by a factor after each epoch, and the latest weights; runs/weights/README.md has the rest.
 # Usage: runs/weights.sh FOLDER; it goes on where an interrupted run ended.
 #
 # FOLDER holds two patients besides the procedural ones: neck.npz, the 80 slices of the series TCGA-E3-A3E5 (TCIA

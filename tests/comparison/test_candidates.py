@@ -108,3 +108,8 @@ def test_methods_are_imported_by_where_they_are(path: str, names: list[str]) -> 
 def test_what_is_no_method_is_said_in_one_sentence(path: str, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         imported_methods(path)
+
+
+def test_two_denoisers_of_one_name_are_refused() -> None:
+    with pytest.raises(ValueError, match="Two denoisers would be called pnp-gaussian"):
+        PaperMethods(denoiser=("gaussian", "gaussian")).candidates()

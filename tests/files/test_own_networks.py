@@ -98,3 +98,16 @@ def test_a_file_calls_nothing_that_is_no_network(named, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.path", [folder for folder in sys.path if folder])  # as in a new process
     with pytest.raises(FileFormatError, match=f"described as {named}, which cannot be used"):
         load_network(path)
+
+
+@pytest.mark.parametrize("folder", ["", "."])
+def test_what_a_file_names_is_not_sought_in_the_working_directory(folder, tmp_path, monkeypatch):
+    (tmp_path / "hostile_one.py").write_text("from my_networks import Smoother\nprint('it ran')\n")
+    path = tmp_path / "stranger.safetensors"
+    save_network(path, imported_network("my_networks:Smoother"), about=SAID)
+    path.write_bytes(path.read_bytes().replace(b"my_networks:Smoother", b"hostile_one:Smoother"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(folder)
+    with pytest.raises(FileFormatError, match="No module named 'hostile_one'"):
+        load_network(path)
+    assert "hostile_one" not in sys.modules

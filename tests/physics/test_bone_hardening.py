@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from pnpct.physics import BeamHardening, BoneHardening
+from pnpct.physics import BeamHardening, BoneHardening, DiagonalWeights, Sinogram
 from pnpct.simulation import clinical_fan_beam, hardening_correction, relative_attenuation, scanner_beam
 
 BEAM = scanner_beam(clinical_fan_beam(views=2, bins=5))
@@ -44,7 +44,7 @@ def test_without_bone_nothing_changes(bone: BoneHardening) -> None:
 
 
 def test_the_slope_is_that_of_finite_differences(bone: BoneHardening) -> None:
-    p = torch.linspace(0.1, 8, 10, dtype=torch.float64)[:, None].expand(-1, 5)
+    p = torch.linspace(-0.5, 12, 10, dtype=torch.float64)[:, None].expand(-1, 5)
     q = torch.linspace(0, 2, 5, dtype=torch.float64).expand(10, 5)
     difference = bone.lacking(p + 1e-4, q) - bone.lacking(p - 1e-4, q)
     torch.testing.assert_close(bone.slope(p, q), difference / 2e-4, rtol=1e-6, atol=1e-9)
@@ -75,3 +75,15 @@ def test_what_cannot_be_is_refused(coefficients: torch.Tensor, compact: float, m
 def test_both_corrections_are_for_the_same_bins() -> None:
     with pytest.raises(ValueError, match="for 3 bins, that for water for 2"):
         BeamHardening(torch.tensor([[1.0, 0.0]] * 2), BoneHardening(torch.zeros(3, 6), 2.5))
+
+
+def test_line_integrals_are_of_as_many_bins(bone: BoneHardening) -> None:
+    with pytest.raises(ValueError, match="for 5 bins, the line integrals have 4"):
+        Sinogram(torch.ones(2, 4), DiagonalWeights(torch.ones(2, 4)), bone)
+
+
+def test_the_same_beam_has_the_same_coefficients() -> None:
+    first, second = (hardening_correction(scanner_beam(clinical_fan_beam(views=2, bins=7))).bone for _ in range(2))
+    assert first is not None
+    assert second is not None
+    assert torch.equal(first.coefficients, second.coefficients)

@@ -6,7 +6,7 @@ import torch
 
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
-from pnpct.physics import Scan, Sinogram, take_log
+from pnpct.physics import DiagonalWeights, Scan, Sinogram, take_log
 from pnpct.reconstruction import FBP, corrected_for_bone
 from pnpct.simulation import Phantom, clinical_fan_beam, expose
 
@@ -66,3 +66,15 @@ def test_it_does_not_depend_on_the_image_and_is_done_once(scan: Scan) -> None:
 def test_a_scan_of_unknown_spectrum_stays_as_it_is(scan: Scan) -> None:
     sinogram = Sinogram(take_log(scan).line_integrals, take_log(scan).weights)
     assert corrected_for_bone(sinogram, projector(scan, GRID)) is sinogram
+
+
+def test_a_batch_is_its_slices(scan: Scan) -> None:
+    A, sinogram = projector(scan, GRID), take_log(scan)
+    other = replace(sinogram, line_integrals=0.7 * sinogram.line_integrals)
+    weights = DiagonalWeights(torch.stack([sinogram.weights.diagonal] * 2), A.geometry.shape)
+    pair = Sinogram(torch.stack([sinogram.line_integrals, other.line_integrals]), weights, sinogram.bone)
+    together = corrected_for_bone(pair, A)
+    for number, one in enumerate((sinogram, other)):
+        alone = corrected_for_bone(one, A)
+        torch.testing.assert_close(together.line_integrals[number], alone.line_integrals, rtol=0, atol=1e-5)
+        torch.testing.assert_close(together.weights.diagonal[number], alone.weights.diagonal, rtol=1e-4, atol=0)

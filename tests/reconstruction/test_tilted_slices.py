@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pnpct.geometry import ConeBeam, Detector, TiltedPlanes, Trajectory
-from pnpct.physics import DiagonalWeights, Sinogram
+from pnpct.physics import BoneHardening, DiagonalWeights, Sinogram
 from pnpct.reconstruction.tilted_slices import rebin
 
 ANGLES = 2 * math.pi / 90 * np.arange(180)
@@ -104,3 +104,11 @@ def test_a_row_of_weight_zero_leaves_its_rays_out():
     less = rebin(of(np.ones(cone.shape), cone, weights), cone, stack.planes).weights.diagonal > 0
     assert bool((less <= whole).all())
     assert 0.05 < 1 - int(less.sum()) / int(whole.sum()) < 0.2
+
+
+def test_what_rays_lack_behind_bone_stays_with_them() -> None:
+    bone = BoneHardening(torch.zeros(1, 6), compact=2.5)
+    cone = replace(of(np.ones(HELIX.shape), HELIX), bone=bone)
+    (stack, *_) = (planes := TiltedPlanes(HELIX)).stacks(15.0, 16.0, spacing=1.0)
+    assert rebin(cone, HELIX, stack.planes).bone is bone
+    assert len(planes.views(stack))

@@ -145,3 +145,19 @@ def test_a_part_without_patients_is_refused(dataset: Path, tmp_path: Path) -> No
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(ValueError, match="no patients for validation; simulate more"):
         Supervised().plan(network(), tmp_path)
+
+
+def test_validation_changes_no_network(dataset: Path) -> None:
+    class Normalised(Unchanged):
+        def __init__(self) -> None:
+            super().__init__(1, 1)
+            self.batch = torch.nn.BatchNorm2d(1)
+
+        def forward(self, image: torch.Tensor) -> torch.Tensor:
+            return super().forward(self.batch(image[:, None])[:, 0])
+
+    network = Normalised().train()
+    before = {name: value.clone() for name, value in network.state_dict().items()}
+    validate(network, Supervised(loop_iterations=1).examples_from(dataset, "train"))
+    assert all(torch.equal(value, before[name]) for name, value in network.state_dict().items())
+    assert network.training

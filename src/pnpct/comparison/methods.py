@@ -178,8 +178,8 @@ class PaperMethods:
         two_stage: Network that was trained in two stages, by name or file.
         sigma_v: Standard deviation to which plug-and-play trusts the denoised image, HU.
         iterations: Its maximum number of iterations.
-        denoiser: Compare plug-and-play around this denoiser too: a network that comes with pnpct, the file of one, or
-            a classical denoiser.
+        denoiser: Compare plug-and-play around this denoiser too: a network that comes with pnpct, the file of one, a
+            classical denoiser, or "my_package.module:name".
     """
 
     kernel: Kernel = FBP.kernel
@@ -202,11 +202,12 @@ class PaperMethods:
         loops = {
             name: PlugAndPlay(each, sigma_v=self.sigma_v, iterations=self.iterations) for name, each in learned.items()
         }
+        names = [f"pnp-{Path(name.rpartition(':')[2]).stem}" for name in self.denoiser]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f"Two denoisers would be called {min(twice)} in the comparison; rename one.")
         further = {
-            f"pnp-{Path(name.rpartition(':')[2]).stem}": PlugAndPlay(
-                load_denoiser(name), sigma_v=self.sigma_v, iterations=self.iterations
-            )
-            for name in self.denoiser
+            name: PlugAndPlay(load_denoiser(denoiser), sigma_v=self.sigma_v, iterations=self.iterations)
+            for name, denoiser in zip(names, self.denoiser, strict=True)
         }
         of_paper = Candidates(
             (

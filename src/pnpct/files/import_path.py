@@ -4,9 +4,11 @@ import copy
 import inspect
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from os import fspath
+from pathlib import Path
 from typing import Any, get_type_hints
 
 from torch import nn
@@ -69,7 +71,8 @@ def described_network(path: str) -> nn.Module:
         FileFormatError: If it cannot be imported, or is no network.
     """
     try:
-        found = _found(path)
+        with _without_working_directory():
+            found = _found(path)
         if not isinstance(found, nn.Module):
             makes = get_type_hints(found).get("return") if inspect.isfunction(found) else found
             if not (inspect.isclass(makes) and issubclass(makes, nn.Module)):
@@ -98,6 +101,17 @@ def _copied(network: nn.Module, path: str) -> nn.Module:
 def _found(path: str) -> Any:
     module, _, name = path.partition(":")
     return getattr(import_module(module), name)
+
+
+@contextmanager
+def _without_working_directory() -> Iterator[None]:
+    """Look for modules elsewhere: `python -m` and notebooks begin with the working directory."""
+    before = sys.path[:]
+    sys.path[:] = [folder for folder in before if folder and Path(folder).resolve() != Path.cwd()]
+    try:
+        yield
+    finally:
+        sys.path[:] = before
 
 
 def _needs_nothing(found: Callable[..., object]) -> bool:

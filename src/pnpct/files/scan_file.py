@@ -149,7 +149,8 @@ def _of_all_views(scan: Scan, per_view: bool) -> tuple[object, ...]:
     """What must be the same in all slabs of a scan."""
     hardening = scan.beam_hardening
     of_water = hardening.coefficients.tolist() if hardening else None
-    of_bone = hardening.bone.coefficients.tolist() if hardening and hardening.bone else None
+    bone = hardening.bone if hardening else None
+    of_bone = (bone.coefficients.tolist(), bone.compact) if bone else None
     return scan.mu_water, scan.electronic_noise, of_water, of_bone, None if per_view else scan.incident.tolist()
 
 

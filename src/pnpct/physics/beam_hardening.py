@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float
+from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.arrays import Rays
@@ -146,7 +147,6 @@ def fit_water_correction(
     spectrum = detected_spectrum.double()
     if not bool((spectrum.isfinite() & (spectrum >= 0)).all() and (spectrum.sum(-1) > 0).all()):
         raise ValueError("A detected spectrum must be finite and not negative, and every bin must detect something.")
-    # numpy, because the libraries behind PyTorch round differently with the place of an array in memory.
     lengths = np.linspace(0.0, longest, 201)[1:]
     share = spectrum.cpu().numpy() / spectrum.sum(-1, keepdim=True).cpu().numpy()
     paths = lengths[:, None] * mu_water.double().cpu().numpy()
@@ -155,9 +155,7 @@ def fit_water_correction(
     measured = least[:, 0] - np.log((share[:, None] * np.exp(least - paths)).sum(axis=-1))
     largest = measured[:, -1:]
     powers = np.arange(order, 0, -1)
-    orthogonal, triangle = np.linalg.qr((measured / largest)[..., None] ** powers)
-    projected = (orthogonal * (mu_effective * lengths)[:, None]).sum(axis=1)
-    fitted = np.linalg.solve(triangle, projected[..., None])[..., 0] / largest**powers
+    fitted = _least_squares((measured / largest)[..., None] ** powers, mu_effective * lengths) / largest**powers
     coefficients = np.concatenate([fitted, np.zeros_like(largest)], axis=-1)
     return BeamHardening(torch.from_numpy(coefficients).to(spectrum.device))
 
@@ -194,8 +192,18 @@ def with_bone(
     p, q = water.correct(measured), (mu_effective[1] * of_bone[:, None]).expand_as(measured)
     lacking = mu_effective[0] * of_water[:, None] + q - p
     powers = torch.stack([q, q * p, q * q, q * p * p, q * p * q, q * q * q], dim=-1)
-    coefficients = torch.linalg.lstsq(powers.transpose(0, 1), lacking.T[..., None]).solution[..., 0]
-    return replace(water, bone=BoneHardening(coefficients, compact=mu_effective[1] / mu_effective[0]))
+    coefficients = _least_squares(powers.transpose(0, 1).numpy(), lacking.T.numpy())
+    bone = BoneHardening(torch.from_numpy(coefficients), compact=mu_effective[1] / mu_effective[0])
+    return replace(water, bone=bone)
+
+
+def _least_squares(terms: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coefficients of the terms, of each bin, that are closest to the values."""
+    # numpy, because the libraries behind PyTorch round differently with the place of an array in memory.
+    orthogonal, triangle = np.linalg.qr(terms)
+    projected = (orthogonal * values[..., None]).sum(axis=1)
+    coefficients: NDArray[np.float64] = np.linalg.solve(triangle, projected[..., None])[..., 0]
+    return coefficients
 
 
 def _polynomial(coefficients: Tensor, at: Tensor) -> Tensor:

@@ -69,7 +69,7 @@ class BoneHardening:
         """Return the derivative of `lacking` by p, by which the noise of a line integral grows too."""
         p, q = self._within(line_integrals, of_bone)
         c = self.coefficients.to(p).unbind(-1)
-        return q * (c[1] + 2 * p * c[3] + q * c[4])
+        return q * (c[1] + 2 * p * c[3] + q * c[4]) * (p == line_integrals)
 
     def in_image(self, image: Image, seen: Image) -> Image:
         """Return what bone contributes to each pixel, relative to water.

@@ -28,7 +28,7 @@ class Sinogram:
         bone: What they lack behind bone; None where that is not known, or added already (`corrected_for_bone`).
 
     Raises:
-        ValueError: If a line integral is not finite, or the weights are for other rays.
+        ValueError: If a line integral is not finite, or the weights or the correction for bone are for other rays.
     """
 
     line_integrals: Rays | ConeRays
@@ -44,6 +44,11 @@ class Sinogram:
         shape, needed = tuple(self.line_integrals.shape), self.weights.range_shape
         if shape[len(shape) - len(needed) :] != needed:
             raise ValueError(f"The weights are for rays of the shape {needed}, the line integrals have {shape}.")
+        if self.bone is not None and self.bone.coefficients.shape[0] not in (1, shape[-1]):
+            raise ValueError(
+                f"The correction for bone is for {self.bone.coefficients.shape[0]} bins, the line integrals have "
+                f"{shape[-1]}."
+            )
 
 
 def take_log(

@@ -155,7 +155,7 @@ def _against_baseline(results: Results, method: str, name: str, better: Callable
 
 
 def _worst(results: Results, method: str, names: Sequence[str]) -> Mark | None:
-    """The worst verdict of some checks of a method over all cases."""
+    """The worst verdict of some checks of a method over all cases, among those that could be judged."""
     found = [check for check in results.comparison.checks if check.method == method and check.name in names]
     return _mark(found) if found else None
 

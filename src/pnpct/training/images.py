@@ -16,7 +16,7 @@ from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Scan, take_log
-from pnpct.reconstruction import PlugAndPlay, fbp, starting_state
+from pnpct.reconstruction import PlugAndPlay, corrected_for_bone, fbp, starting_state
 
 SIGMAS_V = (40.0, 90.0)
 """Lowest and highest σ_v, HU, between which it is drawn evenly in its logarithm: around the default."""
@@ -66,7 +66,8 @@ class FBPImages:
         self, scan: Scan, grid: ImageGrid, _: torch.Generator | None = None, /
     ) -> Float[Tensor, "*slices rows cols"]:
         """Return the image of a scan."""
-        return fbp(take_log(scan).line_integrals, _projector(grid, scan.geometry, scan.mu_water), kernel=self.kernel)
+        A = _projector(grid, scan.geometry, scan.mu_water)
+        return fbp(corrected_for_bone(take_log(scan), A).line_integrals, A, kernel=self.kernel)
 
 
 def view_subset_images(scan: Scan, grid: ImageGrid, parts: int) -> Float[Tensor, "parts *slices rows cols"]:
@@ -133,7 +134,7 @@ class LoopImages:
     ) -> Float[Tensor, "number *slices rows cols"]:
         """Return the images of iterations and for a σ_v that are drawn."""
         A = _projector(grid, scan.geometry, scan.mu_water)
-        sinogram = take_log(scan)
+        sinogram = corrected_for_bone(take_log(scan), A)
         strength = _evenly_in_logarithm(*STRENGTHS_HU, generator) / 1000
         denoise = self.denoiser or TotalVariation(strength, iterations=TV_ITERATIONS)
         sigma_v = _evenly_in_logarithm(*SIGMAS_V, generator)

@@ -16,7 +16,7 @@ from typing_extensions import override
 
 from pnpct.denoisers import LearnedDenoiser
 from pnpct.denoisers.noise_level import is_noise_conditioned
-from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
+from pnpct.files import MANIFEST, Split, read_manifest, read_network, sha256_of
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 from pnpct.training.cached_examples import CachedExamples
@@ -134,7 +134,7 @@ class Supervised(Schedule):
     def settings(self) -> dict[str, Any]:
         settings = super().settings()
         del settings["cache"]
-        denoiser = self.loop_denoiser and sha256_of(network_file(self.loop_denoiser))
+        denoiser = self.loop_denoiser and read_network(self.loop_denoiser)[1]
         return {**settings, "also": _manifests(self.also), "loop_denoiser": denoiser}
 
     def plan(self, network: nn.Module, data: Path) -> TrainingPlan:
@@ -191,14 +191,13 @@ class Supervised(Schedule):
         loop = LoopImages(iterations=self.loop_iterations, number=self.loop_images)
         if self.loop_denoiser is None:
             return loop
-        path = network_file(self.loop_denoiser)
-        network = load_network(path).to(device)
+        network, fingerprint = read_network(self.loop_denoiser)
         if is_noise_conditioned(network):
             raise ValueError(
                 f"{self.loop_denoiser} is noise-conditioned, but the loop of training does not know the noise level."
             )
-        name = f"{sha256_of(path)}{' in bfloat16' if self.bfloat16 else ''}"
-        return replace(loop, denoiser=LearnedDenoiser(network, bfloat16=self.bfloat16), name=name)
+        name = f"{fingerprint}{' in bfloat16' if self.bfloat16 else ''}"
+        return replace(loop, denoiser=LearnedDenoiser(network.to(device), bfloat16=self.bfloat16), name=name)
 
 
 @dataclass(frozen=True, kw_only=True)

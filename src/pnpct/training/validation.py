@@ -1,5 +1,6 @@
 """How far a network is from its targets, on examples that are held out."""
 
+import copy
 from collections.abc import Callable
 from statistics import median
 
@@ -21,6 +22,7 @@ def validate(D: nn.Module, examples: Callable[[int], Example]) -> dict[str, floa
         The RMS difference, HU, of the pair in the middle: the noise of one reference must not decide.
     """
     device = next(D.parameters()).device
+    D = copy.deepcopy(D).eval()  # a network in training mode would learn from what it is measured by
     errors: dict[str, list[float]] = {"fbp": [], "loop": []}
     with torch.no_grad():
         for number in range(VALIDATION_EXAMPLES):

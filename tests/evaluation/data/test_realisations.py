@@ -4,10 +4,10 @@ import pytest
 import torch
 from low_dose_slice import low_dose_slice
 
-from pnpct.evaluation import parametric_bootstrap, redraw, split_views
+from pnpct.evaluation import consistency, parametric_bootstrap, redraw, score_test, split_views
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
-from pnpct.physics import BandedWeights, DiagonalWeights, Sinogram
+from pnpct.physics import BandedWeights, BoneHardening, DiagonalWeights, Sinogram
 from pnpct.reconstruction import fbp
 
 SLICE = low_dose_slice()
@@ -95,3 +95,16 @@ def test_what_cannot_be_redrawn_or_split_is_refused() -> None:
         split_views(
             Sinogram(CLEAN[:1], DiagonalWeights(DATA.weights.diagonal[:1])), Projector(SLICE.projector.grid, one)
         )
+
+
+def test_what_would_still_be_corrected_for_bone_is_refused() -> None:
+    data = replace(DATA, bone=BoneHardening(torch.zeros(1, 6), compact=2.5))
+    generator = torch.Generator().manual_seed(2)
+    for test in (
+        lambda: redraw(data, CLEAN, generator=generator),
+        lambda: split_views(data, SLICE.projector),
+        lambda: consistency(SLICE.truth, data, SLICE.projector),
+        lambda: score_test(SLICE.truth, data, SLICE.projector, diameter=20.0),
+    ):
+        with pytest.raises(ValueError, match="corrected_for_bone"):
+            test()

@@ -8,6 +8,7 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from pnpct.arrays import Image, Rays
+from pnpct.evaluation.data.realisations import check_corrected
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 
@@ -104,7 +105,8 @@ def consistency(
         The figures and the verdict.
 
     Raises:
-        ValueError: If no neighbouring rays see the object, or `floor` is not positive.
+        ValueError: If no neighbouring rays see the object, `floor` is not positive, or the rays are not corrected for
+            bone yet.
 
     Example:
         >>> import torch
@@ -118,6 +120,7 @@ def consistency(
         >>> consistency(image, data, projector).verdict  # all residuals are one standard deviation, and alike
         'residual correlated'
     """
+    check_corrected(sinogram)
     residual = sinogram.weights.whiten(sinogram.line_integrals - projector(image)).double()
     seen = _counted(sinogram).expand(residual.shape)
     rays = int(seen.sum())

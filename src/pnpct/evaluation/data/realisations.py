@@ -44,14 +44,28 @@ def ray_weights(sinogram: Sinogram) -> Rays:
     """Return 1/variance of each ray.
 
     Raises:
-        ValueError: If the noise of the rays is correlated.
+        ValueError: If the noise of the rays is correlated, or they are not corrected for bone yet.
     """
+    check_corrected(sinogram)
     if not isinstance(sinogram.weights, DiagonalWeights):
         raise ValueError(
             "Data can be redrawn, split and changed for rays of independent noise only; take DiagonalWeights for the "
             "test, got BandedWeights."
         )
     return sinogram.weights.values
+
+
+def check_corrected(sinogram: Sinogram) -> None:
+    """Check that methods take line integrals as they are, so that images can be compared with them.
+
+    Raises:
+        ValueError: If they are not corrected for bone yet.
+    """
+    if sinogram.bone is not None:
+        raise ValueError(
+            "Methods would correct these line integrals for bone; give what `corrected_for_bone(sinogram, A)` returns, "
+            "to them and to the test."
+        )
 
 
 def redraw(sinogram: Sinogram, line_integrals: Rays, *, generator: torch.Generator) -> Sinogram:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.evaluation.data.disc_information import disc_information, disc_template, sum_around
-from pnpct.evaluation.data.realisations import Reconstruct, parametric_bootstrap
+from pnpct.evaluation.data.realisations import Reconstruct, check_corrected, parametric_bootstrap
 from pnpct.evaluation.image.regions import Mask
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
@@ -198,6 +198,7 @@ def _check(image: Image, sinogram: Sinogram, projector: Projector, diameter: flo
 def _scored(
     image: Tensor, sinogram: Sinogram, projector: Projector, information: Tensor, *, diameter: float, floor: float
 ) -> ScoreTest:
+    check_corrected(sinogram)
     grid = projector.grid
     back = projector.T(sinogram.weights(sinogram.line_integrals - projector(image)))
     score = sum_around(back, disc_template(diameter, grid.spacing)) / 1000 / floor
