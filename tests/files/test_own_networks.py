@@ -105,7 +105,8 @@ def test_what_a_file_names_is_not_sought_in_the_working_directory(folder, tmp_pa
     (tmp_path / "hostile_one.py").write_text("from my_networks import Smoother\nprint('it ran')\n")
     path = tmp_path / "stranger.safetensors"
     save_network(path, imported_network("my_networks:Smoother"), about=SAID)
-    path.write_bytes(path.read_bytes().replace(b"my_networks:Smoother", b"hostile_one:Smoother"))
+    description = path.with_name(path.name + ".json")
+    description.write_text(description.read_text().replace("my_networks:Smoother", "hostile_one:Smoother"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(folder)
     with pytest.raises(FileFormatError, match="No module named 'hostile_one'"):
