@@ -5,14 +5,19 @@ are the same here and there.
 """
 
 import ast
+import os
 import re
 from collections.abc import Iterator
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "pnpct"
 LINK = re.compile(r"\]\(([^)#\s]+)")
+COMMAND_LINE = "docs/reference/command-line.md"
 
 
 def documents() -> Iterator[Path]:
@@ -41,6 +46,25 @@ def reference_pages() -> dict[str, str]:
                 parts += [f"::: {origin if origin == f'{module}.{name}' else module}.{name}" for name in names]
             pages[f"docs/reference/{module.removeprefix('pnpct.')}.md"] = "\n\n".join(parts) + "\n"
     return pages
+
+
+def command_line_page() -> str:
+    """Return the page that has the help of every command."""
+    from pnpct.cli.app import COMMANDS, main
+
+    parts = ["# Command line"]
+    for command in COMMANDS:
+        with patch.dict(os.environ, COLUMNS="110", NO_COLOR="1"), redirect_stdout(StringIO()) as said:
+            main([*command.split(), "--help"])
+        usage, _, rest = said.getvalue().partition("\n\n")
+        about, box, options = rest.partition("╭")
+        parts += [
+            f"## pnpct {command}",
+            f"```text\n{usage}\n```",
+            about.strip(),
+            f"```text\n{box}{options.strip()}\n```",
+        ]
+    return "\n\n".join(parts) + "\n"
 
 
 def public_names(module: str) -> dict[str, list[str]]:
@@ -88,5 +112,6 @@ def on_files(files: Any, *, config: Any) -> Any:
     style = ROOT / "docs" / "site.css"
     kept = [path.relative_to(ROOT).as_posix() for path in sorted({*documents(), *linked_files(), style})]
     written = [File(path, str(ROOT), config.site_dir, config.use_directory_urls) for path in kept]
-    made = [File.generated(config, path, content=text) for path, text in reference_pages().items()]
+    texts = reference_pages() | {COMMAND_LINE: command_line_page()}
+    made = [File.generated(config, path, content=text) for path, text in texts.items()]
     return Files([*theme, *written, *made])

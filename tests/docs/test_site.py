@@ -9,6 +9,7 @@ from pkgutil import walk_packages
 import pytest
 
 import pnpct
+from pnpct.cli.app import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 SETTINGS = (ROOT / "mkdocs.yml").read_text()
@@ -47,10 +48,18 @@ def test_a_function_with_the_name_of_its_file_is_not_taken_for_the_file(pages):
     assert "\n::: pnpct.reconstruction.fbp.fbp\n" in pages["docs/reference/reconstruction.md"]
 
 
+def test_every_command_has_its_help(site):
+    page = site.command_line_page()
+    for command in COMMANDS:
+        assert f"\n## pnpct {command}\n\n```text\nusage: pnpct {command} " in page
+
+
 def test_the_navigation_has_every_page(site, pages):
     listed = re.findall(r"^ +- .*: (\S+\.md)$", SETTINGS, re.MULTILINE)
     written = [path.relative_to(ROOT).as_posix() for path in site.documents()]
-    assert sorted(listed) == sorted([*pages, *(path for path in written if "/decisions/0" not in path)])
+    assert sorted(listed) == sorted(
+        [*pages, site.COMMAND_LINE, *(path for path in written if "/decisions/0" not in path)]
+    )
 
 
 def test_what_documents_link_to_is_on_the_site(site):

@@ -22,7 +22,6 @@ from pnpct.training.schedule import BATCH, LEARNING_RATE, average, check_learnin
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
 """Which pairs an epoch has learnt from, and with which loss."""
-
 NumberedPairs: TypeAlias = Callable[[int], Pair]  # as `Pairs`: the same number is always the same pair
 
 
