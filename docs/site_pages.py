@@ -57,13 +57,9 @@ def command_line_page() -> str:
         with patch.dict(os.environ, COLUMNS="110", NO_COLOR="1"), redirect_stdout(StringIO()) as said:
             main([*command.split(), "--help"])
         usage, _, rest = said.getvalue().partition("\n\n")
-        about, box, options = rest.partition("╭")
-        parts += [
-            f"## pnpct {command}",
-            f"```text\n{usage}\n```",
-            about.strip(),
-            f"```text\n{box}{options.strip()}\n```",
-        ]
+        about, _, options = rest.partition("\n\n ")  # groups of options begin with a space
+        options = re.sub(r"^ | +$", "", options, flags=re.MULTILINE).strip()
+        parts += [f"## pnpct {command}", f"```text\n{usage}\n```", about, f"```text\n{options}\n```"]
     return "\n\n".join(parts) + "\n"
 
 

@@ -52,6 +52,7 @@ def test_every_command_has_its_help(site):
     page = site.command_line_page()
     for command in COMMANDS:
         assert f"\n## pnpct {command}\n\n```text\nusage: pnpct {command} " in page
+    assert page.count("\n```text\npositional arguments\n---") + page.count("\n```text\noptions\n---") == len(COMMANDS)
 
 
 def test_the_navigation_has_every_page(site, pages):
