@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup demo test test-slow lint check dist format clean
+.PHONY: help setup demo test test-slow lint check dist site format clean
 
 help:  ## Say what can be made.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -45,9 +45,13 @@ dist: $(READY)  ## Build the wheel and the source, check them, and run the demo 
 	  && "$$FRESH/venv/bin/pip" install --quiet --constraint constraints.txt dist/*.whl \
 	  && cd "$$FRESH" && NUMBA_CACHE_DIR="$$FRESH/numba" venv/bin/pnpct demo --quick
 
+site: $(READY)  ## Build the documentation as a site in site/; a warning is an error.
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[site]'
+	NO_MKDOCS_2_WARNING=1 PATH="$(abspath $(BIN)):$$PATH" $(BIN)/mkdocs build --strict
+
 format: $(READY)  ## Let ruff format and mend what it can.
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-clean:  ## Remove the virtual environment, and what the demo and dist wrote.
-	rm -rf $(VENV) demo dist
+clean:  ## Remove the virtual environment, and what the demo, dist and site wrote.
+	rm -rf $(VENV) demo dist site

@@ -41,6 +41,23 @@ def command_lines(document):
     return [line for block in blocks for line in block.splitlines() if line.startswith("pnpct ")]
 
 
+def links(document):
+    """Text and target of each link within the project."""
+    found = re.findall(r"\[([^\[\]]*)\]\(([^)\s]+)\)", DOCUMENTS[document].read_text())
+    return [(text, link) for text, link in found if not link.startswith("https://")]
+
+
+def anchors(page):
+    """What links call the headings of a page; of equal ones the later are numbered."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    found = []
+    for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
+        name = re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+        count = found.count(name)
+        found.append(f"{name}-{count}" if count else name)
+    return found
+
+
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_name_in_a_document_exists(document):
     for name in re.findall(r"`(pnpct(?:\.\w+)+)", DOCUMENTS[document].read_text()):
@@ -49,9 +66,33 @@ def test_every_name_in_a_document_exists(document):
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_link_within_the_project_leads_somewhere(document):
-    path = DOCUMENTS[document]
-    for target in re.findall(r"\]\(([^)#]+)", path.read_text()):
-        assert target.startswith("https://") or (path.parent / target).exists(), target
+    for text, link in links(document):
+        name, _, anchor = link.partition("#")
+        target = DOCUMENTS[document].parent / name if name else DOCUMENTS[document]
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+        if text.startswith("`test_"):
+            assert f"def {text.strip('`')}(" in target.read_text(), text
+
+
+def test_anchors_are_those_of_the_headings(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# One\n\n```sh\n# a comment\n```\n\n## 2. σ_v *and* `b/c`\n\n## One\n")
+    assert anchors(page) == ["one", "2-σ_v-and-bc", "one-1"]
+
+
+def test_all_asks_are_answered():
+    rows = re.findall(
+        r"^\| (\d+) \| .+ \| (\w+) \| .+ \| (.+) \|$", DOCUMENTS["docs/asks.md"].read_text(), re.MULTILINE
+    )
+    assert [int(number) for number, _, _ in rows] == list(range(1, 25))
+    assert {answer for _, answer, _ in rows} <= {"yes", "partly", "no"}
+    assert all("](" in shown for _, _, shown in rows)
+
+
+def test_the_index_has_every_decision():
+    pages = sorted(path.name for path in (ROOT / "docs/decisions").glob("[0-9]*.md"))
+    assert [link for _, link in links("docs/decisions/README.md")] == pages
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

@@ -13,8 +13,13 @@ from pnpct.files.json_file import file_beside, load_json
 
 FORMAT = "pnpct-dataset"
 MANIFEST = "manifest.json"
+"""Name of the file that lists the scans of a data set."""
+
 Split: TypeAlias = Literal["train", "validation", "test"]
+"""Parts of a data set; a patient is in one of them."""
+
 SPLITS: tuple[Split, ...] = get_args(Split)
+"""Their names."""
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,7 @@ from pnpct.geometry import Geometry, Grid
 from pnpct.physics import Scan
 
 SCAN = "pnpct-scan"
+"""The attribute `format` of a scan in HDF5."""
 
 
 def write_scan(

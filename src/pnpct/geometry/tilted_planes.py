@@ -27,6 +27,7 @@ from pnpct.geometry.fan_beam import FanBeam
 from pnpct.geometry.plane_stack import Array, Plane, PlaneStack, spanning
 
 Rebinning: TypeAlias = Literal["tilted", "single-slice"]
+"""Planes tilted with the helix, or horizontal ones with the rays of a full turn."""
 
 WINDOWS = 16
 """Windows of a turn."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pnpct.arrays import Rays
 
 Kernel = Literal["ram-lak", "shepp-logan", "hann", "soft"]
+"""Windows of the ramp filter, from sharp to smooth."""
 
 _SOFT = (1.0, 0.815, 0.4564, 0.1636, 0.0)
 """The "soft" kernel of CatSim's reconstruction at 0, 1/4, 1/2, 3/4 and 1 of the Nyquist frequency."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pnpct.geometry import FanBeam, ImageGrid
 
 Method = Literal["distance-driven", "joseph"]
+"""What a ray takes of the pixels of a row: the mean over its width, or the value between the two nearest."""
 
 SAME_ANGLE = 2e-6
 """Views closer than this to a quarter turn apart, rad, share their lines: 0.5 µm at 250 mm from the isocentre."""

@@ -10,6 +10,7 @@ from pnpct.reconstruction.one_step import dense_cholesky, fbp_blend
 from pnpct.reconstruction.sparse_cholesky import cholesky
 
 SolverName = Literal["fourier", "cholesky", "cg", "dense-cholesky", "fbp-blend"]
+"""Solvers of the data step: three iterative ones, an exact one for small images, and the one step of the paper."""
 
 ITERATIVE: dict[str, Callable[..., Solve]] = {"fourier": fourier, "cholesky": cholesky, "cg": plain}
 """Solvers that take a few steps from the last x; they have `inner_iterations`."""

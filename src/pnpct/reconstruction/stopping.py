@@ -14,6 +14,7 @@ Dims = tuple[int, ...]
 
 StopRule = Callable[[ADMMState, ADMMState, Dims], bool]
 RuleName = Literal["relative", "paper", "never"]
+"""When iterations end before the most that are allowed; see `STOP_RULES`."""
 
 
 def change(before: ADMMState, after: ADMMState, dims: Dims) -> Tensor:
@@ -51,6 +52,7 @@ STOP_RULES: dict[RuleName, StopRule] = {
     "paper": paper_rule,
     "never": lambda _before, _after, _dims: False,
 }
+"""Rules by name: whether to stop, from a state and the one before."""
 
 
 LARGEST = 100.0

@@ -28,7 +28,10 @@ TYPICAL_PATH = 200.0
 """Length in water, mm, behind which the effective energy of a beam is stated."""
 
 Bowtie: TypeAlias = Literal["large", "medium", "small", "none"]
+"""Bow-tie filters, by the body that they are for."""
+
 Detector: TypeAlias = Literal["energy-integrating", "photon-counting"]
+"""What a detector makes of a photon: its energy, or one count."""
 
 
 @dataclass(frozen=True, eq=False)

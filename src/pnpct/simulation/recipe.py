@@ -12,6 +12,8 @@ from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.catsim import VOLTAGES as CATSIM_VOLTAGES
 
 Simulator: TypeAlias = Literal["own", "catsim"]
+"""Who makes the scans: pnpct or CatSim."""
+
 _OWN = "own data"
 
 

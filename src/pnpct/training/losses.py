@@ -23,8 +23,11 @@ LossTerm: TypeAlias = Callable[[Image, Image], Scalar]
 Form: TypeAlias = Literal["corrected", "paper"]
 """What the paper describes, or its formula as printed."""
 
-TEXTURE_WEIGHT, CONTRAST_WEIGHT = 5e-5, 3e-5
-"""λ_tex and λ_ca, in (HU / 1000)², for a reference with the noise of a routine high dose; the paper gives none."""
+TEXTURE_WEIGHT = 5e-5
+"""λ_tex, in (HU / 1000)², for a reference with the noise of a routine high dose; the paper gives none."""
+
+CONTRAST_WEIGHT = 3e-5
+"""λ_ca, in (HU / 1000)², for the same reference; the paper gives none."""
 
 
 def mean_squared_error(output: Image, target: Float[Tensor, "..."]) -> Scalar:

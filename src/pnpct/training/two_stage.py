@@ -21,6 +21,7 @@ from pnpct.training.pairwise import pairwise_losses
 from pnpct.training.schedule import BATCH, LEARNING_RATE, average, check_learning_rate, copied_weights, share_of_rate
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
+"""Which pairs an epoch has learnt from, and with which loss."""
 NumberedPairs: TypeAlias = Callable[[int], Pair]  # as `Pairs`: the same number is always the same pair
 
 

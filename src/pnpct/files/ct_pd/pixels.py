@@ -18,6 +18,8 @@ from pnpct.files.rounding import rounded
 from pnpct.physics import Scan
 
 VIEWS_OF_A_SLAB = 64
+"""Views that are read together."""
+
 _BITS = 13
 """Of the counts, after the leading one: an error of 6e-5 in a line integral, of which the files have steps of 1e-4."""
 

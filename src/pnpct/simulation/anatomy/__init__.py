@@ -33,5 +33,6 @@ ANATOMIES: dict[str, Anatomy] = {
     "head": Anatomy(head_body, 250.0, height=70.0),
     "pelvis": Anatomy(pelvis_body, 450.0),
 }
+"""The regions of the body, by name."""
 
 __all__ = ["ANATOMIES", "Anatomy", "PaintedBody", "abdomen_body", "chest_body", "head_body", "pelvis_body"]
