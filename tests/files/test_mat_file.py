@@ -47,6 +47,14 @@ def test_arrays_have_matlabs_shapes_and_names(path):
         load_array(f"{path}:sino")
 
 
+@pytest.mark.parametrize("odd", [np.zeros((3, 3)), h5py.Empty("f4"), "char"])
+def test_another_word_for_the_class_does_not_matter(tmp_path, odd):
+    of_version_7_3(tmp_path / "scan.mat", SINOGRAM, PARAMETERS)
+    with h5py.File(tmp_path / "scan.mat", "r+") as file:
+        file["CtDataLimited/sinogram"].attrs["MATLAB_class"] = odd
+    assert np.array_equal(load_array(tmp_path / "scan.mat"), SINOGRAM)
+
+
 def test_the_file_is_its_own_geometry(path):
     ours, theirs = read_geometry(SAME), read_geometry(path)
     assert theirs.bins_reversed
