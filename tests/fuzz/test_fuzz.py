@@ -14,7 +14,7 @@ import pytest
 from readers import QUICK, READERS, make
 
 HERE = Path(__file__).parent
-FEW, SOME, MANY = 3, 12, int(os.environ.get("PNPCT_MUTATIONS", "1000"))
+FEW, SOME, MANY = 5, 12, int(os.environ.get("PNPCT_MUTATIONS", "1000"))
 
 
 def run(*words: object) -> str:
