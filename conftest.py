@@ -8,10 +8,11 @@ import ast
 import os
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import nullcontext
 from dataclasses import is_dataclass
 from functools import wraps
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
-from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, get_args
 
@@ -97,19 +98,45 @@ def pytest_configure(config: pytest.Config) -> None:
     """Give workers that share the processors one thread each."""
     if config.getoption("numprocesses", default=None):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("MKL_CBWR", "COMPATIBLE")  # the same bytes wherever arrays lie, as worker processes have them
+
+
+class ThisProcess(Executor):
+    """Does at once, in this process, what it is asked for."""
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Return what the function has returned or raised."""
+        done: Future[Any] = Future()
+        try:
+            done.set_result(function(*args, **kwargs))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_worker_is_this_process() -> Iterator[None]:
+    """Start no process where one is asked for: it would import for longer than it works. Two are real."""
+    from pnpct.operators import processes
+
+    several = processes.worker_processes
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(processes, "worker_processes", lambda of: several(of) if of > 1 else nullcontext(ThisProcess()))
+        yield
 
 
 @pytest.fixture(autouse=True)
-def example_scan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The README reads a scan: give it a small one, in a folder of its own."""
+def example_scan(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Give the README the scan that it reads, a small one, and 64 pixels a side where it asks for 512."""
     if not (isinstance(request.node, pytest.DoctestItem) and request.path.name == "README.md"):
-        yield
         return
     from pnpct.cli import main
+    from pnpct.geometry import FanBeam
 
-    here, folder = Path.cwd(), tmp_path_factory.mktemp("readme")
-    os.chdir(folder)
+    monkeypatch.chdir(tmp_path_factory.mktemp("readme"))
     body = ["--anatomy", "head", "--size", "32", "--views", "48", "--bins", "60"]
     assert main(["simulate", "scan", "scan.h5", *body]) == 0
-    yield
-    os.chdir(here)
+    whole = FanBeam.grid
+    monkeypatch.setattr(FanBeam, "grid", lambda geometry, size: whole(geometry, size // 8))

@@ -60,7 +60,7 @@ def compare(table: Table, *, iterative: bool) -> None:
     width = min(blurred, key=lambda width: table.rmse(blurred[width]))
     table.row("fbp ram-lak blurred", blurred[width], 0.0, f"s.d. {width} pixels")
     methods: dict[str, Callable[[float], Method]] = {
-        "tv-pwls": lambda strength: TVPWLS(strength, iterations=40),
+        "tv-pwls": lambda strength: TVPWLS(strength / 50, iterations=40),
         "pnp tv": lambda strength: PlugAndPlay(TotalVariation(strength / 1000), iterations=40),
     }
     for name, method in methods.items():

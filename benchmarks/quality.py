@@ -34,7 +34,7 @@ from quality_cases import CONTRAST_HU, PATIENTS, QualityCase, cases
 
 KERNELS = ("ram-lak", "shepp-logan", "hann", "soft")
 WIDTHS = tuple(width / 4 for width in range(3, 15))
-STRENGTHS_HU = (30.0, 50.0, 80.0, 120.0, 180.0, 270.0, 400.0)
+STRENGTHS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 
 Row = dict[str, Any]
 Rows = dict[str, Row]
@@ -69,12 +69,10 @@ class Judge:
     def loop(self, name: str, denoise: Denoise) -> Row:
         """Judge plug-and-play, and how much worse it is after all iterations than after the best number of them."""
         errors: list[tuple[float, float]] = []
-        mean = torch.zeros_like(self.truth)
 
         def watched(states: Iterator[ADMMState], _most: int) -> Iterable[ADMMState]:
-            for number, state in enumerate(states, start=1):
-                mean.lerp_(state.v, 1 / number)
-                errors.append(self.errors(mean))
+            for state in states:
+                errors.append(self.errors(state.v))
                 yield state
 
         method = PlugAndPlay(denoise)
@@ -109,7 +107,7 @@ def judge(
         work["FBP"] = partial(judged.best, choices={kernel: FBP(kernel) for kernel in KERNELS})
         blurs = {f"{width:g} pixels": DenoisedFBP(Gaussian(width)) for width in WIDTHS}
         work["blurred FBP"] = partial(judged.best, choices=blurs)
-        strengths = {f"{strength:g} HU pixels": TVPWLS(strength) for strength in STRENGTHS_HU}
+        strengths = {f"{strength:g} pixels": TVPWLS(strength) for strength in STRENGTHS}
         work["TV-PWLS"] = partial(judged.best, choices=strengths)
     for name, denoise in networks.items():
         work[name] = partial(judged.row, method=DenoisedFBP(denoise))

@@ -142,7 +142,7 @@ def helsinki() -> Reference:
         line_integrals,
         geometry,
         kind="line-integrals",
-        incident=1e5,  # not recorded; with beta in mean diagonals the image does not depend on it
+        incident=1e5,  # not recorded
         electronic_noise=0.0,
         mu_water=0.025,  # acrylic at 45 kV is about as dense; it only sets the grey scale
     )

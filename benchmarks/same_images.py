@@ -26,12 +26,11 @@ LOOP = "--method pnp --iterations 4"
 RECONSTRUCTED = {
     **{f"fbp-{kernel}": f"--method fbp --kernel {kernel}" for kernel in ("ram-lak", "shepp-logan", "hann", "soft")},
     "tv": "--method tv",
-    "tv-other": "--method tv --strength 120 --beta 0.5 --iterations 6 --stop paper",
+    "tv-other": "--method tv --strength 2 --iterations 6 --stop paper",
     **{
         f"pnp-{name}": f"{LOOP} --denoiser {name}" for name in ("tv", "nonlocal-means", "gaussian", "n2n", "supervised")
     },
     "pnp-all-iterations": "--method pnp --denoiser n2n",
-    "pnp-undamped-last": f"{LOOP} --denoiser n2n --damping 0 --result last",
     "pnp-sigma-v": f"{LOOP} --denoiser tv --strength 40 --sigma-v 50 --solver cg --inner-iterations 4",
     "pnp-cholesky": f"{LOOP} --denoiser tv --solver cholesky --stop never",
     "pnp-blend": f"{LOOP} --denoiser tv --solver fbp-blend",

@@ -51,15 +51,10 @@ def disk(grid: ImageGrid) -> torch.Tensor:
 
 @pytest.fixture(scope="session")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of three heads, one slice of each, made in this process."""
+    """A data set of three heads, one slice of each."""
     from pnpct.simulation import Recipe, simulate_dataset
 
     recipe = Recipe(("head",), cases=3, rows=1, tube_voltages_kvp=(120.0,), views=24, bins=30, size=16)
     folder = tmp_path_factory.mktemp("patients") / "set"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "pnpct.simulation.dataset.side_by_side",
-            lambda function, calls, processes: (function(*call) for call in calls),
-        )
-        list(simulate_dataset(folder, recipe))
+    list(simulate_dataset(folder, recipe))
     return folder

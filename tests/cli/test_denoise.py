@@ -10,12 +10,10 @@ import torch
 from mistakes import Case, check, cut, with_text
 
 from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize, make_denoiser
-from pnpct.files import Provenance, load_denoiser, read_image, read_scan, save_network, sha256_of, write_image
+from pnpct.files import Provenance, load_denoiser, read_image, save_network, sha256_of, write_image
 from pnpct.files.checkpoint import ABOUT
 from pnpct.geometry import ImageGrid, VolumeGrid
-from pnpct.operators import Projector
-from pnpct.physics import take_log
-from pnpct.reconstruction import DAMPING, denoiser_settings, reconstruct
+from pnpct.reconstruction import denoiser_settings
 
 TINY = RDNSize(features=4, growth=2, blocks=1, convolutions=2, unshuffle=2)
 
@@ -135,52 +133,6 @@ def test_a_network_can_compute_with_fewer_digits(command, run, made, tmp_path):
         assert said_of(out).settings["bfloat16"] is bool(words)
     exact, quick = (read_image(out)[0] for out in outs)
     assert 0 < (quick - exact).square().mean().sqrt() < 0.01
-
-
-def images_of(run, scan, folder, *words) -> dict[str, torch.Tensor]:
-    """What `pnpct reconstruct` makes by default, with --result last and with --result mean."""
-    images = {}
-    for choice in ("default", "last", "mean"):
-        out = folder / f"{choice}.h5"
-        chosen = [] if choice == "default" else ["--result", choice]
-        assert run("reconstruct", scan, out, "--iterations", "3", "--device", "cpu", *words, *chosen)[0] == 0
-        images[choice], _ = read_image(out)
-        if choice != "default":
-            assert said_of(out).settings["result"] == choice
-    return images
-
-
-def test_around_a_network_the_image_is_the_mean_of_the_iterates(run, made, tmp_path):
-    path = save(tmp_path / "net.safetensors", RDNCBAM(TINY))
-    images = images_of(run, made / "scan.h5", tmp_path, "--denoiser", path)
-    scan, (_, grid) = read_scan(made / "scan.h5"), read_image(made / "image.h5")
-    sinogram, projector = take_log(scan), Projector(grid, scan.geometry, mu_water=scan.mu_water)
-    for result in ("last", "mean"):
-        expected = reconstruct(sinogram, projector, load_denoiser(path), iterations=3, result=result)
-        torch.testing.assert_close(images[result], expected, rtol=0, atol=1e-6)
-    assert torch.equal(images["default"], images["mean"])
-    assert (images["mean"] - images["last"]).abs().max() > 1e-3
-
-
-@pytest.mark.parametrize(("denoiser", "usual"), [("n2n", str(DAMPING)), ("tv", "0")])
-def test_admm_is_damped_around_networks_alone_unless_it_is_said(run, made, tmp_path, denoiser, usual):
-    images = {}
-    for damping in (None, "0", "0.5", "1"):
-        out = tmp_path / f"{damping}.h5"
-        words = [] if damping is None else ["--damping", damping]
-        words += ["--denoiser", denoiser, "--iterations", "3", "--device", "cpu"]
-        assert run("reconstruct", made / "scan.h5", out, *words)[0] == 0
-        images[damping], _ = read_image(out)
-        assert said_of(out).settings["damping"] == float(damping or usual)
-    assert torch.equal(images[None], images[usual])
-    assert (images["0"] - images["0.5"]).abs().max() > 1e-3
-    assert (images["1"] - images["0.5"]).abs().max() > 1e-3
-
-
-def test_around_other_denoisers_it_is_the_last_one(run, made, tmp_path):
-    images = images_of(run, made / "scan.h5", tmp_path, "--denoiser", "tv")
-    assert torch.equal(images["default"], images["last"])
-    assert (images["mean"] - images["last"]).abs().max() > 1e-3
 
 
 def test_the_help_of_both_commands_says_that_a_file_will_do(run):

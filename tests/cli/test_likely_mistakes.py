@@ -52,11 +52,10 @@ COMMANDS = [
     Case("no CUDA", RECONSTRUCT + " --device cuda", "use --device cpu"),
     Case("a kernel for pnp", RECONSTRUCT + " --kernel hann", "on fbp; leave out one of them"),
     Case("a strength for fbp", RECONSTRUCT + " --method fbp --strength 3", "on pnp or tv; leave out one of them"),
-    Case("a penalty twice", RECONSTRUCT + " --beta 1 --sigma-v 40", "give one of them"),
+    Case("a penalty without its sense", RECONSTRUCT + " --sigma-v -40", "is a positive number of HU"),
     Case("no iterations", RECONSTRUCT + " --iterations 0", "needs at least one iteration"),
     Case("a field of view in cm", RECONSTRUCT + " --field-of-view 5", "is it in cm or m? --insist"),
     Case("a field of view in µm", RECONSTRUCT + " --field-of-view 500000", "is it in µm? --insist"),
-    Case("too many pixels", RECONSTRUCT + " --method fbp --size 1000000", "use fewer pixels"),
 ]
 
 FILES = [

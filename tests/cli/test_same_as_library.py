@@ -23,7 +23,7 @@ NAMES = (*network_names(), *DENOISERS)
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     path = tmp_path_factory.mktemp("small") / "scan.h5"
-    body = ["--anatomy", "head", "--size", "48", "--views", "60", "--bins", "75"]
+    body = ["--anatomy", "head", "--size", "32", "--views", "40", "--bins", "50"]
     assert main(["simulate", "scan", str(path), *body]) == 0
     return path
 

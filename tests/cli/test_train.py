@@ -3,14 +3,18 @@
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 from dataclasses import fields
+from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+from torch import distributed
 
 from pnpct.cli.parsing import parse
 from pnpct.cli.train import Train
@@ -272,14 +276,23 @@ def test_parts_are_refused_for_a_data_set(tmp_path: Path, run) -> None:
 
 
 def test_processes_that_torchrun_started_have_the_losses_of_one_and_one_writes(
-    trained: Path, dataset: Path, tmp_path: Path, cached: tuple[str, ...]
+    trained: Path, dataset: Path, tmp_path: Path, cached: tuple[str, ...], run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # This process is the first of the two: torchrun would start a third one, and say the same to both.
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    for name, value in {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "WORLD_SIZE": "2", "RANK": "0"}.items():
+        monkeypatch.setenv(name, value)
+    join = partial(distributed.init_process_group, timeout=timedelta(minutes=2))
+    monkeypatch.setattr(distributed, "init_process_group", join)
     shared = tmp_path / "shared.safetensors"
-    started = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
-    words = [str(Path(sys.executable).with_name("pnpct")), "train", str(dataset), str(shared), *cached]
-    done = subprocess.run([*started, *words], env=dict(os.environ, OMP_NUM_THREADS="1"), capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("Wrote") == 1
+    words = ["train", str(dataset), str(shared), *cached]
+    program, environment = Path(sys.executable).with_name("pnpct"), {**os.environ, "RANK": "1", "OMP_NUM_THREADS": "1"}
+    with subprocess.Popen([program, *words], env=environment, stdout=subprocess.PIPE, text=True) as second:
+        status, out, err = run(*words)
+        of_second, _ = second.communicate(timeout=120)
+    assert (status, err, second.returncode) == (0, "", 0)
+    assert (out.count("Wrote"), of_second.count("Wrote")) == (1, 0)
     both, alone = (said_of(path)["metrics"]["losses"] for path in (shared, trained))
     assert [loss["loss"] for loss in both] == pytest.approx([loss["loss"] for loss in alone], rel=1e-4)
     one, other = (load_network(path).state_dict() for path in (trained, shared))

@@ -57,7 +57,7 @@ class Inventing(PlugAndPlay):
 
     def __call__(self, data: Sinogram, projector: Projector, **_: Any) -> Reconstruction:
         image = FBP()(data, projector).image
-        return Reconstruction(image + (1 - self.beta / 2) * FAKE, self.settings)
+        return Reconstruction(image + (1 - 0.5 * (PlugAndPlay.sigma_v / self.sigma_v) ** 2) * FAKE, self.settings)
 
 
 def fixed(name: str, image: torch.Tensor) -> Candidate:
@@ -70,7 +70,9 @@ def methods(*more: Candidate, blur: float = 3.0) -> Candidates:
 
 
 def swept(beta: float = 1.0) -> Candidates:
-    return methods(Candidate("prior", "prior", "swept", Inventing(torch.clone, beta=beta)))
+    """A prior with a multiple of the usual penalty."""
+    sigma_v = PlugAndPlay.sigma_v / beta**0.5
+    return methods(Candidate("prior", "prior", "swept", Inventing(torch.clone, sigma_v=sigma_v)))
 
 
 STUDY = Study(lesion_hu=-200.0, lesion_diameter=40.0)

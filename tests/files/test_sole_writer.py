@@ -1,5 +1,5 @@
-import subprocess
-import sys
+import multiprocessing
+import time
 
 import pytest
 
@@ -25,19 +25,26 @@ def test_another_file_in_the_folder_is_free(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def claim(folder, claimed):
+    with sole_writer(folder):
+        claimed.set()
+        time.sleep(60)
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="there are no locks of files")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # what is done in the other process needs no thread
 def test_the_claim_of_a_killed_process_has_ended(tmp_path):
-    script = (
-        f"from pnpct.files import sole_writer\nwith sole_writer({str(tmp_path)!r}): print('in', flush=True); input()"
-    )
-    with subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"in\n"
-        with pytest.raises(BlockingIOError), sole_writer(tmp_path):
-            pass
-        process.kill()
-        process.wait()
-        with sole_writer(tmp_path):
-            pass
+    context = multiprocessing.get_context("fork")
+    claimed = context.Event()
+    process = context.Process(target=claim, args=(tmp_path, claimed))
+    process.start()
+    assert claimed.wait(60)
+    with pytest.raises(BlockingIOError), sole_writer(tmp_path):
+        pass
+    process.kill()
+    process.join()
+    with sole_writer(tmp_path):
+        pass
 
 
 def test_what_killed_writers_have_left_is_removed_and_nothing_else(tmp_path):

@@ -22,7 +22,7 @@ def by_fbp(sinogram: Sinogram) -> torch.Tensor:
 
 
 def by_tv(sinogram: Sinogram) -> torch.Tensor:
-    denoise = TotalVariation(strength=0.03)
+    denoise = TotalVariation(strength=0.02)
     return reconstruct(sinogram, SLICE.projector, denoise, iterations=12, stop="never")
 
 

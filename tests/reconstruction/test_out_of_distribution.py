@@ -20,7 +20,7 @@ from pnpct.physics import Exposure, take_log
 from pnpct.reconstruction import fbp, reconstruct
 from pnpct.simulation import Phantom, expose, scanner_beam, truth
 
-STRENGTH = 0.015
+STRENGTH = 0.04
 GEOMETRY = FanBeam(
     evenly_spaced_views(240), bins=240, source_to_isocenter=541.0, source_to_detector=949.0, bin_width=1.7,
     detector_offset=0.25,
@@ -142,6 +142,6 @@ def test_in_water_no_blob_is_larger_than_by_fbp() -> None:
 
 
 def test_a_prior_that_is_too_strong_for_wires_fails_the_suite() -> None:
-    found = images("wires", strength=0.05)
+    found = images("wires", strength=0.3)
     with pytest.raises(AssertionError):
         found.check(INSIDE)

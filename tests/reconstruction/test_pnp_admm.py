@@ -11,7 +11,6 @@ from pnpct.physics import BandedWeights, DiagonalWeights, Scan, Sinogram, simula
 from pnpct.reconstruction import (
     TVPWLS,
     ADMMState,
-    beta_from_sigma_v,
     change,
     fbp,
     mean_diagonal,
@@ -19,10 +18,10 @@ from pnpct.reconstruction import (
     pnp_admm,
     reconstruct,
     relative_rule,
-    sigma_v_from_beta,
     solver_by_name,
     until,
 )
+from pnpct.reconstruction.normal_equations import balanced_sigma_v
 from pnpct.reconstruction.one_step import normal_matrix
 
 DIMS = (-2, -1)
@@ -49,6 +48,11 @@ def nth(states, number: int) -> ADMMState:
     return next(itertools.islice(states, number - 1, None))
 
 
+def balanced(sinogram: Sinogram, A: Projector, beta: float) -> float:
+    """σ_v for a penalty of β mean diagonals of AᵀWA, HU."""
+    return balanced_sigma_v(sinogram, A) / beta**0.5
+
+
 def rms_hu(image: torch.Tensor) -> float:
     return 1000 * float(image.square().mean().sqrt())
 
@@ -66,7 +70,8 @@ def test_without_a_denoiser_the_iteration_is_weighted_least_squares(generator):
     right = A.T(weights * y).double().flatten()
     exact = torch.linalg.solve(normal_matrix(sinogram, A), right).reshape(grid.shape).float()
     start = ADMMState.start(torch.zeros(grid.shape))
-    last = nth(pnp_admm(sinogram, A, lambda image: image, start, beta=0.01), 100)
+    sigma_v = balanced(sinogram, A, 0.01)
+    last = nth(pnp_admm(sinogram, A, lambda image: image, start, sigma_v=sigma_v), 100)
     assert float((last.v - exact).norm() / exact.norm()) < 1e-4
 
 
@@ -80,52 +85,62 @@ def test_the_data_step_at_64_equals_dense_cholesky(generator):
     y = A(torch.rand(grid.shape, generator=generator))
     sinogram = Sinogram(y, DiagonalWeights(1 + torch.rand(A.range_shape, generator=generator)))
     start = ADMMState.start(torch.zeros(grid.shape))
-    exact = nth(pnp_admm(sinogram, A, lambda v: v, start, solver=solver_by_name("dense-cholesky")), 1).x
-    many = solver_by_name("fourier", inner_iterations=40)
-    iterated = nth(pnp_admm(sinogram, A, lambda v: v, start, solver=many), 1).x
+    sigma_v = balanced_sigma_v(sinogram, A)
+    dense, many = solver_by_name("dense-cholesky"), solver_by_name("fourier", inner_iterations=40)
+    exact = nth(pnp_admm(sinogram, A, lambda v: v, start, sigma_v=sigma_v, solver=dense), 1).x
+    iterated = nth(pnp_admm(sinogram, A, lambda v: v, start, sigma_v=sigma_v, solver=many), 1).x
     assert float((iterated - exact).norm() / exact.norm()) < 1e-4
 
 
 @pytest.mark.parametrize("solver", ["fourier", "cholesky", "cg"])
-@pytest.mark.parametrize("beta", [0.3, 1.2])
-def test_iterative_solvers_arrive_at_the_exact_solution(sinogram, A, start, solver, beta):
-    exact = nth(pnp_admm(sinogram, A, lambda v: v, start, beta=beta, solver=solver_by_name("dense-cholesky")), 1)
-    many = solver_by_name(solver, inner_iterations=80)
-    assert rms_hu(nth(pnp_admm(sinogram, A, lambda v: v, start, beta=beta, solver=many), 1).x - exact.x) < 0.05
+@pytest.mark.parametrize("sigma_v", [20.0, 45.0])
+def test_iterative_solvers_arrive_at_the_exact_solution(sinogram, A, start, solver, sigma_v):
+    dense, many = solver_by_name("dense-cholesky"), solver_by_name(solver, inner_iterations=80)
+    exact = nth(pnp_admm(sinogram, A, lambda v: v, start, sigma_v=sigma_v, solver=dense), 1)
+    assert rms_hu(nth(pnp_admm(sinogram, A, lambda v: v, start, sigma_v=sigma_v, solver=many), 1).x - exact.x) < 0.05
 
 
 @pytest.mark.parametrize("solver", ["fourier", "cholesky"])
 def test_preconditioners_save_iterations(sinogram, A, start, solver):
-    exact = nth(pnp_admm(sinogram, A, lambda v: v, start, beta=0.3, solver=solver_by_name("dense-cholesky")), 1).x
+    sigma_v = balanced(sinogram, A, 0.3)
+    dense = solver_by_name("dense-cholesky")
+    exact = nth(pnp_admm(sinogram, A, lambda v: v, start, sigma_v=sigma_v, solver=dense), 1).x
 
     def error(name):
         make = solver_by_name(name, inner_iterations=5)
-        return rms_hu(nth(pnp_admm(sinogram, A, lambda v: v, start, beta=0.3, solver=make), 1).x - exact)
+        return rms_hu(nth(pnp_admm(sinogram, A, lambda v: v, start, sigma_v=sigma_v, solver=make), 1).x - exact)
 
     assert error(solver) < 0.6 * error("cg")
 
 
 def test_the_one_step_blend_is_what_the_paper_writes(sinogram, A, start):
     beta = 1.2
-    state = nth(pnp_admm(sinogram, A, lambda v: v, start, beta=beta, solver=solver_by_name("fbp-blend")), 1)
+    blend, sigma_v = solver_by_name("fbp-blend"), balanced(sinogram, A, beta)
+    state = nth(pnp_admm(sinogram, A, lambda v: v, start, sigma_v=sigma_v, solver=blend), 1)
     expected = (fbp(sinogram.line_integrals, A) + beta * start.v) / (1 + beta)
     torch.testing.assert_close(state.x, expected, rtol=1e-4, atol=1e-4)
 
 
-def test_a_convex_prior_leads_to_the_same_image_for_every_beta(sinogram, A, start):
-    images = [nth(TVPWLS(50.0, beta=beta).states(sinogram, A, start), 60).v for beta in (0.3, 1.0)]
-    assert rms_hu(images[0] - images[1]) < 0.5
+@pytest.fixture(scope="module")
+def best(sinogram, A, start):
+    """By TV-PWLS, after enough iterations."""
+    return nth(TVPWLS(1.5).states(sinogram, A, start), 60).v
 
 
-def test_tv_pwls_arrives_at_a_minimum(sinogram, A, start, generator):
-    scale = mean_diagonal(sinogram, A).squeeze()
+def test_a_convex_prior_leads_to_the_same_image_for_every_sigma_v(sinogram, A, start, best):
+    """It depends on λ = strength / σ_v² alone, and TV-PWLS has 1.5 / σ, σ the σ_v of the balance."""
+    sigma_v = balanced(sinogram, A, 2.0)
+    denoise = TotalVariation(1.5 / float(balanced(sinogram, A, 1.0)) * float(sigma_v) ** 2 / 1000)
+    loop = nth(pnp_admm(sinogram, A, denoise, start, sigma_v=sigma_v), 60).v
+    assert rms_hu(loop - best) < 0.5
 
+
+def test_tv_pwls_arrives_at_a_minimum(sinogram, A, best, generator):
     def objective(image: torch.Tensor) -> float:
         misfit = A(image).double() - sinogram.line_integrals
-        data = (sinogram.weights.diagonal * misfit.square()).sum() / 2 / scale
-        return float(data + 0.05 * total_variation(image.double()))
+        data = (sinogram.weights.diagonal * misfit.square()).sum() / 2
+        return float(data + 1.5 / float(balanced_sigma_v(sinogram, A)) * 1000 * total_variation(image.double()))  # HU
 
-    best = nth(TVPWLS(50.0).states(sinogram, A, start), 60).v
     for _ in range(20):
         step = 0.01 * torch.randn(best.shape, generator=generator)
         assert objective(best + step) > objective(best)
@@ -159,17 +174,14 @@ def test_pnp_beats_fbp(sinogram, A, disk):
     assert rms_hu(reconstruct(sinogram, A, TotalVariation(0.1)) - disk) < 0.8 * best
 
 
-def test_beta_does_not_depend_on_dose(sinogram, A):
-    brighter = Sinogram(sinogram.line_integrals, DiagonalWeights(10 * sinogram.weights.diagonal))
-    torch.testing.assert_close(mean_diagonal(brighter, A), 10 * mean_diagonal(sinogram, A))
-    assert sigma_v_from_beta(0.3, brighter, A) == pytest.approx(sigma_v_from_beta(0.3, sinogram, A) / 10**0.5)
-
-
-def test_beta_and_sigma_v_are_one_knob(sinogram, A):
-    sigma_v = sigma_v_from_beta(0.7, sinogram, A)
-    assert beta_from_sigma_v(sigma_v, sinogram, A) == pytest.approx(0.7)
-    scale = float(mean_diagonal(sinogram, A))
-    assert sigma_v == pytest.approx(1000 / (0.7 * scale) ** 0.5)
+def test_the_penalty_is_one_over_the_square_of_sigma_v(sinogram, A, start):
+    """Of the normal equations, in the units of AᵀWA, which are 1 over HU/1000 squared."""
+    moved = ADMMState(start.x, start.v + 0.01, start.u)
+    dense = solver_by_name("dense-cholesky")
+    x, other = (nth(pnp_admm(sinogram, A, lambda v: v, of, sigma_v=80.0, solver=dense), 1).x for of in (start, moved))
+    step = other - x
+    pulled = A.T(sinogram.weights(A(step)))
+    torch.testing.assert_close(pulled, (1000 / 80.0) ** 2 * (0.01 - step), rtol=1e-2, atol=1e-2)
 
 
 def test_correlated_noise_has_its_weights_in_the_loop(sinogram, A, start):
@@ -186,7 +198,8 @@ def test_a_moving_focal_spot_is_reconstructed(disk, grid, geometry, generator):
     moving = replace(geometry, focal_spot_shifts=[(1.5 * (view % 2), 0.0) for view in range(geometry.views)])
     A = Projector(grid, moving)
     sinogram = Sinogram(A(disk), DiagonalWeights(torch.ones(moving.shape)))
-    state = nth(pnp_admm(sinogram, A, lambda v: v, ADMMState.start(torch.zeros(grid.shape)), beta=0.05), 30)
+    zero, sigma_v = ADMMState.start(torch.zeros(grid.shape)), balanced(sinogram, A, 0.05)
+    state = nth(pnp_admm(sinogram, A, lambda v: v, zero, sigma_v=sigma_v), 30)
     assert rms_hu(state.x - disk) < 10
 
 
@@ -216,8 +229,8 @@ def test_until_stops_by_rule_or_by_count(sinogram, A, start):
 @pytest.mark.parametrize("damping", [0.25, 1.0])
 def test_damped_x_and_v_are_held_together_by_the_penalty_over_the_damping(sinogram, A, start, damping):
     """In the limit ½ ‖A x − y‖²_W + λ R(v) + β / (2 damping) ‖x − v‖² is least: its gradient in x is zero."""
-    states = pnp_admm(sinogram, A, TotalVariation(0.05), start, damping=damping)
-    limit = next(itertools.islice(states, 100, None))
+    sigma_v = balanced(sinogram, A, 1.0)
+    limit = nth(pnp_admm(sinogram, A, TotalVariation(0.05), start, sigma_v=sigma_v, damping=damping), 101)
     pulled = A.T(sinogram.weights(A(limit.x) - sinogram.line_integrals)) / mean_diagonal(sinogram, A)
     held = (limit.x - limit.v) / damping
     assert rms_hu(held) > 5.0
@@ -232,13 +245,11 @@ def test_damped_entirely_admm_has_no_memory(sinogram, A, start):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, beta=0.0)), "beta must be a positive number"),
-        (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, damping=1.1)), "a fraction from 0 to 1, got 1.1"),
+        (lambda s, A, start: next(pnp_admm(s, A, lambda v: v, start, sigma_v=0.0)), "a positive number of HU, got 0"),
         (
             lambda s, A, start: next(until(iter([]), start, A, iterations=0, stop="never")),
             "at least one iteration, got 0",
         ),
-        (lambda s, A, start: beta_from_sigma_v(-1.0, s, A), "sigma_v must be a positive number of HU"),
         (lambda s, A, start: solver_by_name("lu"), 'no solver "lu"; the solvers are fourier, cholesky'),
         (lambda s, A, start: solver_by_name("fbp-blend", inner_iterations=2), "takes no inner iterations"),
         (lambda s, A, start: solver_by_name("cg", inner_iterations=0), "at least one inner iteration"),

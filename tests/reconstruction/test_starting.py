@@ -12,11 +12,13 @@ def scanned(image: torch.Tensor, A: Projector) -> Sinogram:
     return take_log(Scan(counts, torch.tensor(2e4), 5.0, geometry=A.geometry, mu_water=A.mu_water))
 
 
-def test_without_metal_admm_begins_with_smooth_fbp(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:
+def test_admm_begins_with_less_noise_than_fbp_has(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:
     A = Projector(grid, geometry)
     sinogram = scanned(disk, A)
     state = starting_state(sinogram, A)
-    assert torch.equal(state.v, fbp(sinogram.line_integrals, A, kernel="soft"))
+    smooth = fbp(sinogram.line_integrals, A, kernel="soft")
+    error, of_fbp = (float((image - disk).square().mean().sqrt()) for image in (state.v, smooth))
+    assert error < 0.8 * of_fbp
     assert not state.u.any()
 
 

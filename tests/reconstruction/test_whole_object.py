@@ -24,7 +24,7 @@ BODY = ((5.0, 0.0, 100.0, 1.0), (30.0, 0.0, 14.0, 0.8), (-25.0, -10.0, 16.0, -0.
 PLACES, RIGHT = ((30, 0), (-25, -10), (0, 40)), [800, -90, 0]
 SMALL = ImageGrid(50, 50, 2.0)
 PNP = PlugAndPlay(TotalVariation(0.02), iterations=12)
-ITERATIVE = [TVPWLS(strength=10.0), PNP]
+ITERATIVE = [TVPWLS(), PNP]
 
 
 def scan_of(geometry, quanta=1e5, generator=None):

@@ -40,12 +40,12 @@ def line_integrals(moments):
 
 @dataclass(frozen=True)
 class Steps:
-    """A body that is a wide disc below z = 2 mm and a narrow one above."""
+    """A body that is a wide disc of water below z = 2 mm and a narrow one of bone above."""
 
     extent: tuple[float, float] = (-20.0, 30.0)
 
     def slice(self, z, grid):
-        return disc(80.0 if z < 2.0 else 50.0, grid=grid)
+        return disc(80.0, grid=grid) if z < 2.0 else disc(50.0, grid=grid, material="cortical bone")
 
 
 @pytest.fixture
@@ -73,19 +73,11 @@ def test_air_and_line_integrals_of_water_are_those_of_our_simulator(of_disc):
 
 
 @needs_catsim
-@pytest.mark.parametrize("material", ["lung", "cortical bone"])
-def test_other_materials_attenuate_alike(material):
-    phantom = disc(40.0, material=material)
-    geometry = replace(GEOMETRY, view_angles=(0.4,))
-    ours = line_integrals(by_ours(phantom, geometry))
-    theirs = line_integrals(catsim_moments(phantom, geometry)[0])
-    assert (theirs - ours).norm() < 0.01 * ours.norm()
-
-
-@needs_catsim
-def test_views_may_turn_clockwise_from_any_angle():
+def test_views_of_lung_may_turn_clockwise_from_any_angle():
     geometry = replace(GEOMETRY, view_angles=[0.7 - 2 * math.pi * view / 8 for view in range(8)], detector_offset=-1.25)
-    phantom = disc(50.0, grid=ImageGrid(50, 64, spacing=4.0, center=(12.0, -31.0)), center=(45.0, -60.0))
+    phantom = disc(
+        50.0, grid=ImageGrid(50, 64, spacing=4.0, center=(12.0, -31.0)), center=(45.0, -60.0), material="lung"
+    )
     ours = by_ours(phantom, geometry, tube_voltage_kvp=80.0)
     theirs = catsim_moments(phantom, geometry, tube_voltage_kvp=80.0)[0]
     difference = line_integrals(theirs) - line_integrals(ours)
@@ -93,6 +85,7 @@ def test_views_may_turn_clockwise_from_any_angle():
 
 
 @needs_catsim
+@pytest.mark.slow
 def test_all_rows_see_a_slab_alike(of_disc):
     geometry = replace(GEOMETRY, view_angles=evenly_spaced_views(1))
     for row in catsim_moments(disc(), geometry, rows=2):
@@ -103,16 +96,16 @@ def test_all_rows_see_a_slab_alike(of_disc):
 def test_rows_see_the_slices_of_a_body_from_the_lowest_up(temporary, capfd):
     geometry = replace(GEOMETRY, view_angles=evenly_spaced_views(2))
     rows = catsim_moments(Steps(), geometry, rows=8, z=2.0, grid=GRID)
-    expected = {radius: line_integrals(by_ours(disc(radius), geometry)) for radius in (80.0, 50.0)}
+    below, above = (line_integrals(by_ours(Steps().slice(z, GRID), geometry)) for z in (0.0, 4.0))
     # The row that touches the step sees both of its sides where the fan is not yet, or no longer, at the isocentre.
-    for row, radius in ((0, 80.0), (1, 80.0), (2, 80.0), (5, 50.0), (6, 50.0), (7, 50.0)):
-        difference = line_integrals(rows[row]) - expected[radius]
-        assert difference.norm() < 0.006 * expected[radius].norm()
+    for row, expected in ((0, below), (1, below), (2, below), (5, above), (6, above), (7, above)):
+        assert (line_integrals(rows[row]) - expected).norm() < 0.006 * expected.norm()
     assert capfd.readouterr() == ("", "")
     assert list(temporary.iterdir()) == []
 
 
 @needs_catsim
+@pytest.mark.slow
 def test_an_object_of_air_is_the_air_scan():
     air = Phantom(("air",), torch.ones(1, 64, 64), GRID)
     moments = catsim_moments(air, replace(GEOMETRY, view_angles=(0.0,)))[0]
@@ -120,22 +113,28 @@ def test_an_object_of_air_is_the_air_scan():
 
 
 @needs_catsim
-def test_samples_blur_and_energy_bins_refine():
-    geometry = replace(GEOMETRY, view_angles=evenly_spaced_views(4))
-    sharp, blurred, coarse = (
-        line_integrals(catsim_moments(disc(), geometry, sampling=sampling, energy_bins=bins)[0])
-        for sampling, bins in ((CatSimSampling(), 20), (CatSimSampling((2, 2), 3), 20), (CatSimSampling(), 4))
-    )
-    for other in (blurred, coarse):
+def test_samples_blur_and_energy_bins_refine(of_disc):
+    sharp = line_integrals(of_disc)[::6]
+    geometry = replace(GEOMETRY, view_angles=GEOMETRY.view_angles[::6])
+    for refined in ({"sampling": CatSimSampling((2, 2), 3)}, {"energy_bins": 4}):
+        other = line_integrals(catsim_moments(disc(), geometry, **refined)[0])
         assert 1e-4 < (other - sharp).norm() / sharp.norm() < 0.1
+
+
+def scans_of_seeds(*seeds):
+    return [catsim_scan(disc(), GEOMETRY, tube_current_ma=40.0, rotation_time=0.5, seed=seed) for seed in seeds]
+
+
+@needs_catsim
+@pytest.mark.slow
+def test_one_seed_is_one_scan_of_catsim():
+    first, again = scans_of_seeds(5, 5)
+    assert torch.equal(first.counts, again.counts)
 
 
 @needs_catsim
 def test_the_noise_of_catsim_follows_its_seed_and_the_moments(of_disc):
-    first, again, other = (
-        catsim_scan(disc(), GEOMETRY, tube_current_ma=40.0, rotation_time=0.5, seed=seed) for seed in (5, 5, 6)
-    )
-    assert torch.equal(first.counts, again.counts)
+    first, other = scans_of_seeds(5, 6)
     assert first.geometry == GEOMETRY
     dose = 40.0 * 0.5 / GEOMETRY.views
     deviation = (dose * of_disc.signal_variance + of_disc.electronic_noise**2).sqrt()

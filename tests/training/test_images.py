@@ -11,9 +11,9 @@ from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import Scan, simulate_counts, take_log
-from pnpct.reconstruction import ADMMState, fbp, pnp_admm
+from pnpct.reconstruction import PlugAndPlay, fbp, starting_state
 from pnpct.training import FBPImages, LoopImages, SplitViewPairs, mean_squared_error, train, view_subset_images
-from pnpct.training.images import BETAS
+from pnpct.training.images import SIGMAS_V
 
 MU_WATER = 0.0193
 
@@ -89,12 +89,12 @@ def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth
 
 
 def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid) -> None:
-    """After some iterations the image is x + u of plug-and-play ADMM with the same denoiser, of the next one."""
+    """After some iterations the image is x + u of plug-and-play with the same denoiser, of the next one."""
     denoise, given = Gaussian(0.8), []
-    drawn = LoopImages(denoise, "blur", iterations=3, number=2, damping=0.3)
+    drawn = LoopImages(denoise, "blur", iterations=3, number=2)
     for seed in range(4):
         images = drawn(scan, grid, torch.Generator().manual_seed(seed))
-        beta, iterations = _beta_and_iterations(seed)
+        sigma_v, iterations = _sigma_v_and_iterations(seed)
         A = Projector(grid, scan.geometry, mu_water=scan.mu_water)
         sinogram = take_log(scan)
 
@@ -103,8 +103,7 @@ def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid
             return denoise(shown)
 
         given.clear()
-        start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta, damping=0.3), 3):
+        for _ in islice(PlugAndPlay(watched, sigma_v=sigma_v).states(sinogram, A, starting_state(sinogram, A)), 3):
             pass
         torch.testing.assert_close(images, torch.stack([given[k] for k in iterations]), rtol=0, atol=1e-4)
 
@@ -120,12 +119,13 @@ def test_around_what_changes_nothing_the_loop_goes_from_fbp_towards_what_the_ray
     assert errors[-1] < 0.2 * errors[0]
 
 
-def _beta_and_iterations(seed: int) -> tuple[float, list[int]]:
+def _sigma_v_and_iterations(seed: int) -> tuple[float, list[int]]:
     """What is drawn, in its order: strength, penalty, two of three iterations."""
     generator = torch.Generator().manual_seed(seed)
     torch.rand((), generator=generator)
     share = float(torch.rand((), generator=generator))
-    return BETAS[0] * (BETAS[1] / BETAS[0]) ** share, sorted(torch.randperm(3, generator=generator)[:2].tolist())
+    low, high = SIGMAS_V
+    return low * (high / low) ** share, sorted(torch.randperm(3, generator=generator)[:2].tolist())
 
 
 def test_the_settings_of_images_tell_apart_what_makes_them() -> None:
@@ -138,7 +138,6 @@ def test_the_settings_of_images_tell_apart_what_makes_them() -> None:
         replace(loop, denoiser=Gaussian(0.8), name="blur"),
         replace(loop, iterations=4),
         replace(loop, iterations=4, number=2),
-        replace(loop, damping=0.1),
     ]
     assert len({json.dumps(way.settings) for way in ways}) == len(ways)
 

@@ -13,7 +13,6 @@ from pnpct.files import save_network, sha256_of
 from pnpct.files.checkpoint import ABOUT
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.physics import Scan
-from pnpct.reconstruction import DAMPING
 from pnpct.training import METHODS, Epoch, SingleScan, Supervised, TwoStage, validate
 from pnpct.training.validation import VALIDATION_EXAMPLES
 
@@ -99,12 +98,6 @@ def test_a_plan_goes_on_after_an_epoch(dataset: Path, cache: Path) -> None:
     (last,) = method.plan(network(), dataset).epochs(after=whole[0])
     assert isinstance(last, Epoch)
     assert last.loss == whole[1].loss
-
-
-def test_the_loop_is_damped_around_a_network_alone(dataset: Path, tiny: Path) -> None:
-    (around_tv,) = Supervised().examples_from(dataset, "train").others
-    (around_network,) = Supervised(loop_denoiser=str(tiny)).examples_from(dataset, "train").others
-    assert (around_tv.damping, around_network.damping) == (0, DAMPING)
 
 
 def test_a_network_can_denoise_in_the_loop_and_compute_in_bfloat16(dataset: Path, tiny: Path) -> None:

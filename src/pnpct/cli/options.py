@@ -10,18 +10,15 @@ from pnpct.cli.denoiser_options import DENOISER_OPTIONS, DenoiserOptions, denois
 from pnpct.cli.parsing import given_options, option
 from pnpct.operators import Kernel
 from pnpct.reconstruction import (
-    DAMPING,
     FBP,
     METHODS,
     TVPWLS,
     Method,
     PlugAndPlay,
-    ResultName,
     RuleName,
     SolverName,
 )
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
-from pnpct.reconstruction.pnp_admm import BETA
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,29 +27,25 @@ class MethodOptions(DenoiserOptions):
 
     Args:
         method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation,
-            whose --strength is in HU × pixel.
+            whose --strength is relative to the noise, in pixels.
         kernel: Reconstruction kernel of fbp, from sharp to smooth.
-        beta: Penalty parameter of pnp and tv, relative to the mean diagonal of the normal equations.
-        sigma_v: The penalty of pnp in HU, instead of beta: standard deviation that the denoised image is trusted to.
+        sigma_v: Standard deviation to which pnp trusts the denoised image, HU: the smaller, the smoother.
         damping: Fraction of the dual variable that pnp drops in each iteration; the paper's ADMM has 0.
         iterations: Maximum number of iterations of pnp and tv.
         solver: Solver of the data step of pnp.
         inner_iterations: Minimum steps of the solver per iteration of pnp; it takes more while its residual is large.
         stop: Stopping rule of pnp and tv: relative stops at convergence, where x and v agree, which they do not with
             the networks that come with pnpct; paper stops after a few iterations.
-        result: Image that pnp returns: the last denoised iterate, or the mean of all of them.
     """
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"
     kernel: Annotated[Kernel | None, option(default=FBP.kernel)] = None
-    beta: Annotated[float | None, option(default=BETA)] = None
-    sigma_v: float | None = None
-    damping: Annotated[float | None, option(default=f"{DAMPING} with networks, else 0")] = None
-    iterations: Annotated[int | None, option(default=PlugAndPlay.iterations)] = None
+    sigma_v: Annotated[float | None, option(default=PlugAndPlay.sigma_v)] = None
+    damping: Annotated[float | None, option(default=PlugAndPlay.damping)] = None
+    iterations: Annotated[int | None, option(default=f"{PlugAndPlay.iterations}, {TVPWLS.iterations} with tv")] = None
     solver: Annotated[SolverName | None, option(default=PlugAndPlay.solver)] = None
     inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None
     stop: Annotated[RuleName | None, option(default=TVPWLS.stop)] = None
-    result: Annotated[ResultName | None, option(default="mean with networks, else last")] = None
 
     def chosen_method(self, device: torch.device) -> Method:
         """Return the method with the options that were given.

@@ -15,7 +15,6 @@ from pnpct.files import load_denoiser
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction import FBP, TVPWLS, DenoisedFBP, PlugAndPlay, Reconstruction
-from pnpct.reconstruction.pnp_admm import BETA
 
 Reconstruct: TypeAlias = Callable[[Sinogram, Projector], Reconstruction | Image]
 """From a sinogram and the projector of its rays to an image, or a batch to a batch: a method of
@@ -92,9 +91,7 @@ class Candidate:
         """Return a swept method with a share of its penalty."""
         it = self.method
         assert isinstance(it, PlugAndPlay)  # as a swept method is
-        if it.sigma_v is not None:
-            return replace(self, method=replace(it, sigma_v=it.sigma_v / share**0.5))
-        return replace(self, method=replace(it, beta=share * (BETA if it.beta is None else it.beta)))
+        return replace(self, method=replace(it, sigma_v=it.sigma_v / share**0.5))
 
 
 @dataclass(frozen=True)
@@ -176,10 +173,10 @@ class PaperMethods:
     Args:
         kernel: Of FBP that all methods are measured against.
         blur_pixels: Standard deviation of the blurred FBP, the control, pixels.
-        tv_strength: Strength of total variation, HU × pixel.
+        tv_strength: Strength of total variation over the noise, pixels.
         supervised: Network that was trained on dose pairs alone, by name or file.
         two_stage: Network that was trained in two stages, by name or file.
-        beta: Penalty of plug-and-play ADMM.
+        sigma_v: Standard deviation to which plug-and-play trusts the denoised image, HU.
         iterations: Its maximum number of iterations.
         denoiser: Compare plug-and-play around this denoiser too: a network that comes with pnpct, the file of one, or
             a classical denoiser.
@@ -190,7 +187,7 @@ class PaperMethods:
     tv_strength: float = TVPWLS.strength
     supervised: str = "supervised"
     two_stage: str = "n2n"
-    beta: float = BETA
+    sigma_v: float = PlugAndPlay.sigma_v
     iterations: int = PlugAndPlay.iterations
     denoiser: tuple[str, ...] = ()
 
@@ -202,9 +199,11 @@ class PaperMethods:
             ValueError: If it is none, or a setting is out of its range.
         """
         learned = {"supervised": load_denoiser(self.supervised), "two-stage": load_denoiser(self.two_stage)}
-        loops = {name: PlugAndPlay(each, beta=self.beta, iterations=self.iterations) for name, each in learned.items()}
+        loops = {
+            name: PlugAndPlay(each, sigma_v=self.sigma_v, iterations=self.iterations) for name, each in learned.items()
+        }
         further = {
-            f"pnp-{Path(name).stem}": PlugAndPlay(load_denoiser(name), beta=self.beta, iterations=self.iterations)
+            f"pnp-{Path(name).stem}": PlugAndPlay(load_denoiser(name), sigma_v=self.sigma_v, iterations=self.iterations)
             for name in self.denoiser
         }
         of_paper = Candidates(

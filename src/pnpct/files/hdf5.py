@@ -15,7 +15,7 @@ from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
 from pnpct.files.growing_file import GrowingFile
 from pnpct.files.provenance import Provenance
-from pnpct.files.self_contained import check_self_contained
+from pnpct.files.self_contained import check_self_contained, check_stored
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 FORMAT_VERSION = 1
@@ -24,8 +24,6 @@ _DAMAGE = (ArithmeticError, AttributeError, KeyError, OSError, RuntimeError, Sys
 _PLANE = {"spacing_mm": "spacing", "rows": "rows", "cols": "cols"}
 _STACK = {"slices": "slices", "slice_spacing_mm": "slice_spacing", "z_mm": "z"}
 _CHUNK_BYTES = 1 << 18
-_LARGEST_RATIO = 1100
-"""Bytes that one byte of gzip can become at most, and a little more."""
 
 
 @contextmanager
@@ -80,12 +78,6 @@ def open_hdf5(path: PathLike, *, formats: Sequence[str]) -> Iterator[h5py.File]:
 @contextmanager
 def opened_hdf5(path: PathLike) -> Iterator[h5py.File]:
     """Open an HDF5 file of any program for reading, as `open_hdf5` does one of pnpct's.
-
-    Args:
-        path: The file.
-
-    Yields:
-        The open file.
 
     Raises:
         OSError: If there is no such file or it cannot be read.
@@ -177,20 +169,6 @@ def read_array(group: h5py.Group, name: str, part: tuple[Any, ...] = ()) -> Floa
     if not values.isfinite().all():
         raise FileFormatError(f"{dataset.name} holds values that are not finite; create the file again.")
     return values
-
-
-def check_stored(dataset: h5py.Dataset) -> None:
-    """Check that a file holds about as much as a dataset declares, before memory is given to it.
-
-    Raises:
-        FileFormatError: If it declares more.
-    """
-    stored = dataset.id.get_storage_size()
-    if dataset.size and dataset.nbytes > _LARGEST_RATIO * stored + _CHUNK_BYTES:
-        raise FileFormatError(
-            f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
-            "of it; create the file again."
-        )
 
 
 def numbers_of(item: h5py.Group | h5py.Dataset, name: str, count: int) -> list[float]:

@@ -14,7 +14,8 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
-from pnpct.files.hdf5 import check_stored, opened_hdf5
+from pnpct.files.hdf5 import opened_hdf5
+from pnpct.files.self_contained import check_stored
 
 # What scipy raises for files that are cut, damaged or of another kind.
 _DAMAGE = (

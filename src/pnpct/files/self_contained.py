@@ -1,4 +1,4 @@
-"""The check that an HDF5 file holds all its data itself.
+"""The checks that an HDF5 file holds all its data itself, and as much as it declares.
 
 HDF5 can leave the values of a dataset in any other file that the reader may open: by external storage, by virtual
 datasets, by external links. A file from elsewhere could so have a private file read, and written out again.
@@ -7,6 +7,12 @@ datasets, by external links. A file from elsewhere could so have a private file 
 import h5py
 
 from pnpct.files.errors import FileFormatError
+
+_LARGEST_RATIO = 1100
+"""Bytes that one byte of gzip can become at most, and a little more."""
+
+_LITTLE = 1 << 18
+"""Bytes that any dataset may declare: what is small need not be stored at all."""
 
 
 def check_self_contained(file: h5py.File) -> None:
@@ -36,3 +42,17 @@ def _is_elsewhere(item: h5py.h5g.GroupID | h5py.h5d.DatasetID | h5py.h5t.TypeID)
 
 
 _REMEDY = "copy the values into this file."
+
+
+def check_stored(dataset: h5py.Dataset) -> None:
+    """Check that a file holds about as much as a dataset declares, before memory is given to it.
+
+    Raises:
+        FileFormatError: If it declares more.
+    """
+    stored = dataset.id.get_storage_size()
+    if dataset.size and dataset.nbytes > _LARGEST_RATIO * stored + _LITTLE:
+        raise FileFormatError(
+            f"{dataset.name} declares {dataset.size} numbers, which cannot be in the {stored} bytes that the file has "
+            "of it; create the file again."
+        )

@@ -77,7 +77,7 @@ def take_log(
             bins; of a cone beam along the rows instead, so that each view stands alone. 0 for none: each weight
             comes from its own count, and the logarithm reaches down to the larger of s and one quantum.
         low_counts: Noise-equivalent counts up to which the tangent replaces the logarithm, ≥ 0.
-        weight: "statistical", or "uniform" for ones.
+        weight: "statistical", or "uniform": the mean of the statistical weights in every ray.
 
     Returns:
         Line integrals, dimensionless, and weights, 1/variance for "statistical".
@@ -117,10 +117,11 @@ def take_log(
     if scan.beam_hardening is not None:
         slope = scan.beam_hardening.slope((incident / above).log())
         line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
-    values = equivalent if weight == "statistical" else torch.ones_like(counts)
+    if weight == "uniform":
+        equivalent = equivalent[measured.expand_as(equivalent)].mean().expand_as(counts)
     if not bool(measured.all()):
-        line_integrals, values = fill_along_detector(line_integrals, measured), values.where(measured, 0.0)
-    return Sinogram(line_integrals, DiagonalWeights(values, scan.geometry.shape))
+        line_integrals, equivalent = fill_along_detector(line_integrals, measured), equivalent.where(measured, 0.0)
+    return Sinogram(line_integrals, DiagonalWeights(equivalent, scan.geometry.shape))
 
 
 def _noise_equivalent(counts: Tensor, electronic_noise: float) -> Tensor:

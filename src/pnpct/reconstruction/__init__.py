@@ -2,7 +2,6 @@
 
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.methods import (
-    DAMPING,
     FBP,
     METHODS,
     TVPWLS,
@@ -10,11 +9,10 @@ from pnpct.reconstruction.methods import (
     Method,
     PlugAndPlay,
     Progress,
-    ResultName,
     denoiser_settings,
     reconstruct,
 )
-from pnpct.reconstruction.normal_equations import beta_from_sigma_v, mean_diagonal, sigma_v_from_beta
+from pnpct.reconstruction.normal_equations import mean_diagonal
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
@@ -24,7 +22,6 @@ from pnpct.reconstruction.tilted_slices import rebin
 from pnpct.reconstruction.volume import SLAB, RaysOfViews, Slab, check_covered, covered_slices, reconstruct_volume
 
 __all__ = [
-    "DAMPING",
     "FBP",
     "METHODS",
     "SLAB",
@@ -37,11 +34,9 @@ __all__ = [
     "Progress",
     "RaysOfViews",
     "Reconstruction",
-    "ResultName",
     "RuleName",
     "Slab",
     "SolverName",
-    "beta_from_sigma_v",
     "change",
     "check_covered",
     "covered_slices",
@@ -54,7 +49,6 @@ __all__ = [
     "reconstruct",
     "reconstruct_volume",
     "relative_rule",
-    "sigma_v_from_beta",
     "solver_by_name",
     "starting_state",
     "until",

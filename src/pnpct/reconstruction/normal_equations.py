@@ -18,7 +18,7 @@ Solve: TypeAlias = Callable[[LinearOperator, Image, Image], Image]
 """(H, b, x) -> better x: H maps an image to (AᵀWA + β) image, x is the image to begin from."""
 
 MakeSolver: TypeAlias = Callable[[Sinogram, Projector, Tensor], Solve]
-"""(sinogram, A, β) -> Solve, β in the units of AᵀWA, one number per image."""
+"""(sinogram, A, β) -> Solve, β in the units of AᵀWA, one number or one per image."""
 
 INNER_ITERATIONS = 3
 """Minimum steps of an iterative solver in each data step. Warm-started they add up; an exact solution is wasted."""
@@ -44,7 +44,7 @@ class NormalOperator(LinearOperator):
     Args:
         A: The projector.
         W: The weights of the rays.
-        beta: β in the units of AᵀWA, one number per image.
+        beta: β in the units of AᵀWA, one number or one per image.
     """
 
     def __init__(self, A: LinearOperator, W: LinearOperator, beta: Tensor) -> None:
@@ -63,7 +63,7 @@ class NormalOperator(LinearOperator):
 
 
 def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
-    """Return the mean of the diagonal of AᵀWA over the object: the scale of β, one number per image.
+    """Return the mean of the diagonal of AᵀWA over the object: what the data of each image count in a pixel.
 
     The object is what exceeds 0.3 of water in a smooth FBP image; outside it the weights of rays through air would
     dominate. If nothing does, the mean is over the whole image.
@@ -78,25 +78,21 @@ def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
     return (diagonal * inside).sum(A.domain_dims, keepdim=True) / inside.sum(A.domain_dims, keepdim=True)
 
 
-def beta_from_sigma_v(sigma_v_hu: float, sinogram: Sinogram, A: Projector) -> float:
-    """Return the β of a prior of standard deviation `sigma_v_hu`: β = 1/(σ_v² · mean diagonal).
-
-    It is the same parameter in physical units, and is correct if the weights are true inverse variances. For a
-    batch it is the mean over the images.
+def penalty_of(sigma_v: float | Tensor) -> Tensor:
+    """Return the penalty β = 1/σ_v² of a prior of standard deviation σ_v in HU, in the units of AᵀWA.
 
     Raises:
-        ValueError: If `sigma_v_hu` is not positive.
+        ValueError: If `sigma_v` is not positive.
     """
-    if not 0 < sigma_v_hu < float("inf"):
-        raise ValueError(f"sigma_v must be a positive number of HU, got {sigma_v_hu}.")
-    return float((1e6 / (sigma_v_hu**2 * mean_diagonal(sinogram, A))).mean())
+    sigma_v = torch.as_tensor(sigma_v)
+    if not bool(((sigma_v > 0) & sigma_v.isfinite()).all()):
+        raise ValueError(f"sigma_v is a positive number of HU, got {float(sigma_v.min()):g}.")
+    return (1000.0 / sigma_v).square()
 
 
-def sigma_v_from_beta(beta: float, sinogram: Sinogram, A: Projector) -> float:
-    """Return σ_v in HU for a β in mean diagonals: the inverse of `beta_from_sigma_v`."""
-    if not 0 < beta < float("inf"):
-        raise ValueError(f"beta must be a positive number, got {beta}.")
-    return float(1000 / (beta * (1 / mean_diagonal(sinogram, A)).mean().reciprocal()) ** 0.5)
+def balanced_sigma_v(sinogram: Sinogram, A: Projector) -> Tensor:
+    """Return the σ_v in HU of each image whose β is its `mean_diagonal`: there ADMM is fastest."""
+    return 1000.0 * mean_diagonal(sinogram, A).rsqrt()
 
 
 def conjugate_gradient(

@@ -11,27 +11,28 @@ takes the place of the proximal map of R (4b), (6); u collects what x and v disa
     v = D(x + u)
     u = u + x − v
 
-With a network, part of u may be dropped in each iteration: u = (1 − damping) (u + x − v).
+The penalty is given as σ_v, the standard deviation in HU to which the denoised image is trusted: β = 1/σ_v². The
+weights are inverse variances, so that data and prior are in balance at every dose, and what the denoiser gets, x + u,
+has about as much noise at every dose.
 
-β here has no unit: it counts in mean diagonals of AᵀWA (`normal_equations.mean_diagonal`), so that one value serves
-every dose and geometry.
+Part of u may be dropped in each iteration: u = (1 − damping) (u + x − v).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fourier import fourier
-from pnpct.reconstruction.normal_equations import MakeSolver, NormalOperator, mean_diagonal
+from pnpct.reconstruction.normal_equations import MakeSolver, NormalOperator, penalty_of
 
-BETA = 1.0
-"""On the scale of the object. With a convex prior the image is the same from 0.3 to 3, and near 1 it converges fastest;
-the networks that come with the package were trained on loop images from 0.7 to 1.5. The paper has 1.2."""
+SIGMA_V = 60.0
+"""HU, for every dose and every size of patient. The paper's β of 1.2 has no unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,10 @@ class ADMMState:
                 f"{tuple(self.u.shape)}."
             )
 
+    def at(self, sigma_v: Tensor, *, before: Tensor) -> "ADMMState":
+        """Return the state for another σ_v than before: the dual variable β u stays."""
+        return ADMMState(self.x, self.v, self.u * (sigma_v / before) ** 2)
+
     @classmethod
     def start(cls, image: Image) -> "ADMMState":
         """Begin from an image, usually that of filtered back-projection."""
@@ -70,7 +75,7 @@ def pnp_admm(
     denoise: Denoise,
     state: ADMMState,
     *,
-    beta: float = BETA,
+    sigma_v: float | Tensor = SIGMA_V,
     damping: float = 0.0,
     solver: MakeSolver = fourier,
 ) -> Iterator[ADMMState]:
@@ -81,7 +86,7 @@ def pnp_admm(
         A: The projector.
         denoise: D, with its strength inside.
         state: State to begin or continue from.
-        beta: Penalty β > 0 in mean diagonals of AᵀWA.
+        sigma_v: Standard deviation to which the denoised image is trusted, HU, > 0; one number or one per image.
         damping: Fraction of u that each iteration drops, 0 ≤ damping ≤ 1. The paper has 0, where x and v agree in the
             limit; 1 is half-quadratic splitting, without u.
         solver: Makes the solver of the normal equations from (sinogram, A, β).
@@ -90,25 +95,32 @@ def pnp_admm(
         The state after each iteration.
 
     Raises:
-        ValueError: If `beta` is not positive or `damping` not from 0 to 1 (at the first iteration).
+        ValueError: If `sigma_v` is not positive or `damping` not from 0 to 1 (at the first iteration).
 
     References:
         Hajinezhad and Hong, Math. Program. 176 (2019) 207, for the damping;
         Venkatakrishnan, Bouman and Wohlberg, GlobalSIP (2013) 945; the paper, Eqs. (4) to (6).
     """
-    if not 0 < beta < float("inf"):
-        raise ValueError(f"beta must be a positive number, got {beta}.")
-    if not 0 <= damping <= 1:
-        raise ValueError(f"damping is a fraction from 0 to 1, got {damping}.")
+    check_damping(damping)
     y, W = sinogram.line_integrals, sinogram.weights
-    penalty = beta * mean_diagonal(sinogram, A)
-    H, AtWy = NormalOperator(A, W, penalty), A.T(W(y))
-    solve = solver(sinogram, A, penalty)
+    beta = penalty_of(sigma_v).to(y)
+    H, AtWy = NormalOperator(A, W, beta), A.T(W(y))
+    solve = solver(sinogram, A, beta)
 
     x, v, u = state.x, state.v, state.u
     while True:
         with torch.no_grad():
-            x = solve(H, AtWy + penalty * (v - u), x)  # (4a), (5)
+            x = solve(H, AtWy + beta * (v - u), x)  # (4a), (5)
             v = denoise(x + u)  # (4b), (6)
             u = (1 - damping) * (u + x - v)  # (4c)
         yield ADMMState(x, v, u)
+
+
+def check_damping(damping: float) -> None:
+    """Check that a damping is possible.
+
+    Raises:
+        ValueError: If it is not from 0 to 1.
+    """
+    if not 0 <= damping <= 1:
+        raise ValueError(f"damping is a fraction from 0 to 1, got {damping}.")

@@ -1,30 +1,82 @@
-"""Where plug-and-play ADMM begins."""
+"""Total variation in the loop: TV-PWLS, and where plug-and-play begins."""
 
+from collections.abc import Iterator
 from itertools import islice
 
+import torch
+
+from pnpct.arrays import Image
 from pnpct.denoisers import TotalVariation
 from pnpct.denoisers.learned import DENSEST
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
-from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
+from pnpct.reconstruction.normal_equations import balanced_sigma_v
+from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, pnp_admm
+
+STRENGTH = 1.5
+"""Strength of total variation over the noise, pixels: at every dose near that of the least error."""
+
+FIRST_ITERATIONS = 5
+"""Iterations around total variation before a network sees an image."""
+
+TOLERANCE = 1e-3
+"""Of the proximal map, image: 1 HU."""
 
 ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
-"""Iterations around total variation and its strength, image × pixel, that remove the streaks of metal."""
+"""Iterations around total variation where there is metal, and its strength, image × pixel, whatever the dose is."""
+
+
+def smooth_state(sinogram: Sinogram, A: Projector) -> ADMMState:
+    """Return the state that begins from a smooth FBP image."""
+    return ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
 
 
 def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
-    """Return the state to begin from: a smooth FBP image, without the streaks of metal if there are any.
+    """Return the state to begin from: half-way between a smooth FBP image and one after iterations around TV.
 
-    Rays through metal have almost no weight, so the data step leaves the streaks that FBP makes of them, and networks
-    take them for anatomy. A few iterations around total variation remove them first.
+    Where hardly a photon arrives, behind metal or in the middle of a large patient, FBP has streaks. The data say too
+    little there to take them away again, and networks take them for anatomy. Total variation removes the streaks, and
+    some of the bones; in the mean of both the network finds either. Streaks of metal are too strong for that, and no
+    matter of noise: there it is total variation alone, and more of it.
 
     Args:
         sinogram: Line integrals and weights.
         A: The projector.
     """
-    state = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-    if not bool((state.v > DENSEST).any()):
-        return state
-    states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), state)
-    return ADMMState.start(next(islice(states, ITERATIONS_AT_METAL - 1, None)).v)
+    smooth = smooth_state(sinogram, A)
+    states = around_total_variation(sinogram, A, smooth, strength=STRENGTH)
+    start = torch.lerp(smooth.v, _after(FIRST_ITERATIONS, states), 0.5)
+    metal = (smooth.v > DENSEST).any(dim=A.domain_dims, keepdim=True)
+    if bool(metal.any()):
+        states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=balanced_sigma_v(sinogram, A))
+        start = torch.where(metal, _after(ITERATIONS_AT_METAL, states), start)
+    return ADMMState.start(start)
+
+
+def around_total_variation(
+    sinogram: Sinogram, A: Projector, start: ADMMState, *, strength: float
+) -> Iterator[ADMMState]:
+    """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, for ever.
+
+    σ is the standard deviation to which the data alone determine a pixel, `balanced_sigma_v`.
+
+    The limit does not depend on the penalty of ADMM, so that is the one that is fastest for each image: in balance with
+    the data, unless they are so noisy that the proximal map would take longest.
+
+    Args:
+        sinogram: Line integrals and weights.
+        A: The projector.
+        start: The state to begin from.
+        strength: Pixels, ≥ 0.
+    """
+    noise = balanced_sigma_v(sinogram, A)
+    sigma_v = noise.clamp(max=2 * SIGMA_V)
+    # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
+    q = sigma_v.square() / noise / 1000
+    denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()))
+    return pnp_admm(sinogram, A, lambda image: q * denoise(image / q), start, sigma_v=sigma_v)
+
+
+def _after(number: int, states: Iterator[ADMMState]) -> Image:
+    return next(islice(states, number - 1, None)).v

@@ -16,16 +16,12 @@ from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Scan, take_log
-from pnpct.reconstruction import ADMMState, fbp, pnp_admm
+from pnpct.reconstruction import PlugAndPlay, fbp, starting_state
 
-BETAS = (0.7, 1.5)
-"""Lowest and highest penalty, between which it is drawn evenly in its logarithm: around the default.
+SIGMAS_V = (40.0, 90.0)
+"""Lowest and highest σ_v, HU, between which it is drawn evenly in its logarithm: around the default."""
 
-The noise of u goes with 1/β. When it was drawn from 0.3 on, x + u of a head at 23 mA was 1300 HU from the reference,
-ten times as far as FBP, and training on such images diverged.
-"""
-
-STRENGTHS_HU = (15.0, 120.0)
+STRENGTHS_HU = (10.0, 60.0)
 """Lowest and highest strength of total variation, HU × pixel, drawn likewise."""
 
 TV_ITERATIONS = 20
@@ -105,8 +101,6 @@ class LoopImages:
         iterations: Maximum number of iterations, ≥ 1.
         number: In how many of them, from 1 to all. Each image costs the iterations before it, so several cost little
             more than one.
-        damping: Fraction of the dual variable that each iteration drops: as the reconstruction has with the same
-            denoiser.
 
     Raises:
         ValueError: If there is no iteration, or more images than iterations.
@@ -116,7 +110,6 @@ class LoopImages:
     name: str = "tv"
     iterations: int = 3
     number: int = 1
-    damping: float = 0.0
 
     def __post_init__(self) -> None:
         if self.iterations < 1:
@@ -127,7 +120,7 @@ class LoopImages:
     @property
     def settings(self) -> dict[str, Any]:
         """What makes the images, as plain values."""
-        loop = {"iterations": self.iterations, "number": self.number, "damping": self.damping, "betas": list(BETAS)}
+        loop = {"iterations": self.iterations, "number": self.number, "sigmas_v_hu": list(SIGMAS_V)}
         tv = {} if self.denoiser else {"strengths_hu": list(STRENGTHS_HU), "tv_iterations": TV_ITERATIONS}
         return {"images": "loop", "denoiser": self.name, **loop, **tv}
 
@@ -138,12 +131,12 @@ class LoopImages:
     def __call__(
         self, scan: Scan, grid: ImageGrid, generator: torch.Generator, /
     ) -> Float[Tensor, "number *slices rows cols"]:
-        """Return the images of iterations and for a penalty β that are drawn."""
+        """Return the images of iterations and for a σ_v that are drawn."""
         A = _projector(grid, scan.geometry, scan.mu_water)
         sinogram = take_log(scan)
         strength = _evenly_in_logarithm(*STRENGTHS_HU, generator) / 1000
         denoise = self.denoiser or TotalVariation(strength, iterations=TV_ITERATIONS)
-        beta = _evenly_in_logarithm(*BETAS, generator)
+        sigma_v = _evenly_in_logarithm(*SIGMAS_V, generator)
         chosen = torch.randperm(self.iterations, generator=generator)[: self.number].sort().values.tolist()
         shown: list[Image] = []
 
@@ -151,8 +144,8 @@ class LoopImages:
             shown.append(image)
             return denoise(image) if len(shown) <= chosen[-1] else image
 
-        start = ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
-        for _ in islice(pnp_admm(sinogram, A, watched, start, beta=beta, damping=self.damping), chosen[-1] + 1):
+        start = starting_state(sinogram, A)
+        for _ in islice(PlugAndPlay(watched, sigma_v=sigma_v).states(sinogram, A, start), chosen[-1] + 1):
             pass
         return torch.stack([shown[iteration] for iteration in chosen])
 

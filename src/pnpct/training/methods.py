@@ -19,7 +19,6 @@ from pnpct.denoisers.noise_level import is_noise_conditioned
 from pnpct.files import MANIFEST, Split, load_network, network_file, read_manifest, sha256_of
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
-from pnpct.reconstruction import DAMPING
 from pnpct.training.cached_examples import CachedExamples
 from pnpct.training.examples import Examples, Reference
 from pnpct.training.images import FBPImages, LoopImages, view_subset_images
@@ -200,7 +199,7 @@ class Supervised(Schedule):
                 f"{self.loop_denoiser} is noise-conditioned, but the loop of training does not know the noise level."
             )
         name = f"{sha256_of(path)}{' in bfloat16' if self.bfloat16 else ''}"
-        return replace(loop, denoiser=LearnedDenoiser(network, bfloat16=self.bfloat16), name=name, damping=DAMPING)
+        return replace(loop, denoiser=LearnedDenoiser(network, bfloat16=self.bfloat16), name=name)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -145,7 +145,7 @@ def test_a_fit_of_the_noise_makes_t_small_and_its_threshold_with_it() -> None:
     data = SLICE.sinogram()
 
     def fit(sinogram: Sinogram) -> torch.Tensor:
-        return reconstruct(sinogram, PROJECTOR, TotalVariation(strength=0.03), iterations=6)
+        return reconstruct(sinogram, PROJECTOR, TotalVariation(strength=0.02), iterations=6)
 
     image = fit(data)
     threshold = score_threshold(

@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 import torch
@@ -5,27 +7,30 @@ import torch
 from pnpct.evaluation import body_mask, soft_tissue_mask
 from pnpct.geometry import ImageGrid
 from pnpct.simulation import Phantom, chest_body, truth
+from pnpct.simulation.anatomy.painted_body import PaintedBody
 from pnpct.units import to_hu
 
 GRID = ImageGrid(180, 180, spacing=2.5)
 
 
-def chest_slice(seed: int, z: float = 0.0, grid: ImageGrid = GRID) -> Phantom:
-    return chest_body(np.random.default_rng(seed)).slice(z, grid)
+@cache
+def patient(seed: int) -> PaintedBody:
+    return chest_body(np.random.default_rng(seed))
 
 
 @pytest.fixture(scope="module")
 def heart_level() -> Phantom:
-    return chest_slice(7)
+    return patient(7).slice(0.0, GRID)
 
 
 def test_one_seed_is_one_patient_and_another_seed_another(heart_level: Phantom) -> None:
-    assert chest_slice(7).fractions.numpy().tobytes() == heart_level.fractions.numpy().tobytes()
-    assert (truth(chest_slice(8), GRID) - truth(heart_level, GRID)).abs().mean() > 0.01
+    again = chest_body(np.random.default_rng(7)).slice(0.0, GRID)
+    assert again.fractions.numpy().tobytes() == heart_level.fractions.numpy().tobytes()
+    assert (truth(patient(1).slice(0.0, GRID), GRID) - truth(heart_level, GRID)).abs().mean() > 0.01
 
 
 def test_one_seed_is_one_patient_on_every_grid(heart_level: Phantom) -> None:
-    fine = chest_slice(7, grid=ImageGrid(360, 360, spacing=1.25))
+    fine = patient(7).slice(0.0, ImageGrid(360, 360, spacing=1.25))
     difference = truth(fine, GRID) - truth(heart_level, GRID)
     assert difference.abs().mean() < 0.01
     assert difference.mean().abs() < 0.003
@@ -33,7 +38,7 @@ def test_one_seed_is_one_patient_on_every_grid(heart_level: Phantom) -> None:
 
 @pytest.mark.parametrize("z", [-110.0, -60.0, 60.0, 110.0, 150.0])
 def test_every_height_is_a_human_slice(z: float) -> None:
-    phantom = chest_slice(1, z)
+    phantom = patient(1).slice(z, GRID)
     assert phantom.fractions.min() >= 0
     torch.testing.assert_close(phantom.fractions.sum(0), torch.ones(GRID.shape))
     y, x = np.nonzero(body_mask(truth(phantom, GRID)).numpy())
@@ -43,8 +48,7 @@ def test_every_height_is_a_human_slice(z: float) -> None:
 
 
 def test_neighbouring_slices_are_alike() -> None:
-    body = chest_body(np.random.default_rng(3))
-    here, beside, away = (truth(body.slice(z, GRID), GRID) for z in (20.0, 20.6, 60.0))
+    here, beside, away = (truth(patient(7).slice(z, GRID), GRID) for z in (20.0, 20.6, 60.0))
     assert (beside - here).abs().mean() < 0.2 * (away - here).abs().mean()
 
 
@@ -71,10 +75,8 @@ def test_the_heart_is_on_the_left_the_spine_at_the_back(heart_level: Phantom) ->
 
 
 def test_there_is_lung_above_the_diaphragm_and_liver_below_it() -> None:
-    body = chest_body(np.random.default_rng(2))
-
     def lung_area(z: float) -> float:
-        phantom = body.slice(z, GRID)
+        phantom = patient(7).slice(z, GRID)
         return float(phantom.fractions[phantom.materials.index("lung")].sum()) * GRID.spacing**2
 
     assert lung_area(0.0) > 9000
