@@ -42,8 +42,8 @@ def say_blocked(*_: object) -> None:
     raise Blocked
 
 
-def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, list[str]]:
-    """Damage a copy of a reader's files, run its command, and return what was done and what was wrong."""
+def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, int | None, list[str]]:
+    """Damage a copy of a reader's files, run its command, and return what was done, the status, and what was wrong."""
     chance = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="fuzz") as name:
         here = Path(name)
@@ -67,9 +67,9 @@ def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, list[str]]:
             with redirect_stdout(out), redirect_stderr(err):
                 status = main(words)
         except Blocked:
-            return said, [f"it did not end in {BLOCKED_AFTER} s"]
+            return said, None, [f"it did not end in {BLOCKED_AFTER} s"]
         except BaseException:  # what is sought
-            return said, [traceback.format_exc(limit=-6)]
+            return said, None, [traceback.format_exc(limit=-6)]
         finally:
             signal.alarm(0)
         seconds, complaint = time.process_time() - began, err.getvalue()
@@ -93,7 +93,7 @@ def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, list[str]]:
             wrong.append(f"left behind: {new}")
         if any(Path(path).name.startswith(".") for path in new):
             wrong.append(f"temporary files: {new}")
-        return said, wrong
+        return said, status, wrong
 
 
 FOREIGN = (
@@ -137,12 +137,15 @@ def run(made: Path, mutations: int, seed: int, names: Iterable[str]) -> dict[str
                     raise SystemExit(f"{name} fails undamaged with {status}")
         if __name__ == "__main__" and sys.platform == "linux" and not figures:
             limit_memory()
+        ended = {0: 0, 2: 0}
         found = []
         for number in range(mutations):
-            said, wrong = run_one(reader, made, f"{name} {seed} {number}")
+            said, status, wrong = run_one(reader, made, f"{name} {seed} {number}")
             if wrong:
                 found.append({"number": number, "said": said, "wrong": wrong})
-        figures[name] = {"mutations": mutations, "wrong": found}
+            else:
+                ended[status] += 1
+        figures[name] = {"mutations": mutations, "refused": ended[2], "read": ended[0], "wrong": found}
     return figures
 
 
