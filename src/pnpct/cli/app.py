@@ -82,7 +82,9 @@ def run(words: Sequence[str]) -> None:
         say(_overview(group))
     else:
         command, rest = _find(words)
-        parse(class_of(command), rest, program=f"pnpct {command}").run(["pnpct", *words])
+        asked = parse(class_of(command), rest, program=f"pnpct {command}")
+        with import_module("numpy").errstate(over="ignore"):  # what becomes infinite is refused where a value is born
+            asked.run(["pnpct", *words])
 
 
 def class_of(command: str) -> Any:
