@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup demo test test-slow lint check format clean
+.PHONY: help setup demo test test-slow lint check dist format clean
 
 help:  ## Say what can be made.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -24,7 +24,7 @@ demo: $(READY)  ## Simulate a low-dose slice, reconstruct it in several ways, wr
 	PATH="$(abspath $(BIN)):$$PATH" bash runs/demo.sh demo
 
 test: $(READY)  ## Run the tests, README and docs included.
-	$(BIN)/pytest -q -n auto -m "not slow"
+	$(BIN)/pytest -q -n auto --dist loadfile -m "not slow"
 
 test-slow: $(READY)  ## Run all tests, the slow ones too.
 	$(BIN)/pytest -q
@@ -37,9 +37,17 @@ lint: $(READY)  ## Format, lint, types and import contracts.
 
 check: lint test  ## What must be green at each commit.
 
+dist: $(READY)  ## Build the wheel and the source, check them, and run the demo of the wheel in a new environment.
+	rm -rf dist
+	$(BIN)/python -m build --quiet
+	$(BIN)/twine check --strict dist/*
+	FRESH=$$(mktemp -d) && trap 'rm -rf "$$FRESH"' EXIT && $(PYTHON) -m venv "$$FRESH/venv" \
+	  && "$$FRESH/venv/bin/pip" install --quiet --constraint constraints.txt dist/*.whl \
+	  && cd "$$FRESH" && NUMBA_CACHE_DIR="$$FRESH/numba" venv/bin/pnpct demo --quick
+
 format: $(READY)  ## Let ruff format and mend what it can.
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-clean:  ## Remove the virtual environment and what the demo wrote.
-	rm -rf $(VENV) demo
+clean:  ## Remove the virtual environment, and what the demo and dist wrote.
+	rm -rf $(VENV) demo dist

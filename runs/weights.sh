@@ -32,40 +32,40 @@ train() {
 
 # The first are trained on the ADMM loop with total variation, the second and third on the loop with the first, the next
 # three on all iterations of the loop with the third.
-train first "" 14 8 "" --seed 1 --examples 200 --discount 2 --learning-rate 2e-3 --decay 0.88
+train first "" 14 8 "" --seed 1 --examples 200 --discount 2 --learning-rate 2e-3
 around_first=(--seed 2 --examples 140 --loop-denoiser first.safetensors --loop-iterations 5)
-train second first 6 16 "" "${around_first[@]}" --discount 2 --learning-rate 1e-3 --decay 0.85
-train third second 1 10 "" "${around_first[@]}" --learning-rate 7e-4 --decay 0.78
+train second first 6 16 "" "${around_first[@]}" --discount 2 --learning-rate 1e-3
+train third second 1 10 "" "${around_first[@]}" --learning-rate 7e-4
 around_third=(--seed 3 --examples 96 --highest-ma 400 --loop-denoiser third.safetensors --loop-iterations 12)
-train fourth third 1 19 "" "${around_third[@]}" --learning-rate 1e-3 --decay 0.85
-train fifth fourth 1 13 "" "${around_third[@]}" --discount 0.5 --learning-rate 1e-3 --decay 0.82
-train sixth fifth 1 13 "" "${around_third[@]}" --examples 95 --discount 0.5 --learning-rate 1e-3 --decay 0.82
+train fourth third 1 19 "" "${around_third[@]}" --learning-rate 1e-3
+train fifth fourth 1 13 "" "${around_third[@]}" --discount 0.5 --learning-rate 1e-3
+train sixth fifth 1 13 "" "${around_third[@]}" --examples 95 --discount 0.5 --learning-rate 1e-3
 
 # From here on the reference has next to no noise, and soon the contrast of soft tissue weighs more and texture less. The
 # ninth are trained on the loop with the eighth, the tenth on the loop with the ninth.
-train seventh sixth 1 19 "" "${around_third[@]}" --reference 100000 --learning-rate 1e-3 --decay 0.87
+train seventh sixth 1 19 "" "${around_third[@]}" --reference 100000 --learning-rate 1e-3
 train eighth seventh 1 8 "--texture-weight 0 --contrast-weight 3e-4" "${around_third[@]}" --reference 100000 \
-  --learning-rate 1e-3 --decay 0.8
+  --learning-rate 1e-3
 soft="--texture-weight 1e-5 --contrast-weight 3e-4"
 train ninth eighth 1 31 "$soft" --highest-ma 400 --reference 100000 --seed 5 --examples 96 --loop-denoiser eighth.safetensors \
-  --loop-iterations 16 --learning-rate 1e-3 --decay 0.88
+  --loop-iterations 16 --learning-rate 1e-3
 train tenth ninth 1 11 "$soft" --highest-ma 400 --reference 100000 --seed 6 --examples 64 --loop-denoiser ninth.safetensors \
-  --loop-iterations 10 --learning-rate 7e-4 --decay 0.75
+  --loop-iterations 10 --learning-rate 7e-4
 
 # Now the target of each image is itself without noise, equally sharp: first with the tenth in the loop, then the eleventh.
 sharp=(--highest-ma 400 --also real --reference noise-free --learning-rate 1e-3)
 train eleventh tenth 1 9 "$soft" "${sharp[@]}" --seed 10 --examples 26 --loop-denoiser tenth.safetensors \
-  --loop-iterations 12 --decay 0.85
+  --loop-iterations 12
 train twelfth eleventh 1 13 "$soft" "${sharp[@]}" --seed 11 --examples 64 --loop-denoiser eleventh.safetensors \
-  --loop-iterations 12 --decay 0.85
+  --loop-iterations 12
 
 # ADMM is damped now, with four images of each loop. What the thirteenth gained in chests they lost in the
 # pelvis: their mean with the twelfth has most of the one and less of the other.
 damped=("${sharp[@]}" --loop-iterations 20 --loop-images 4)
-train thirteenth twelfth 1 13 "$soft" "${damped[@]}" --seed 15 --examples 72 --loop-denoiser twelfth.safetensors --decay 0.85
+train thirteenth twelfth 1 13 "$soft" "${damped[@]}" --seed 15 --examples 72 --loop-denoiser twelfth.safetensors
 python "$runs/mean_of_networks.py" n2n.safetensors twelfth.safetensors thirteenth.safetensors
 python "$runs/mean_of_networks.py" supervised.safetensors twelfth-supervised.safetensors thirteenth-supervised.safetensors
 
 # RED-CNN, the published baseline, for 35 minutes of one core; its steps take ten times as long.
 pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --cache images --bfloat16 --side 64 --batch 8 \
-  --pairs-per-epoch 256 "${around_third[@]}" --epochs 12 --learning-rate 1e-3 --decay 0.75 >> red-cnn.log
+  --pairs-per-epoch 256 "${around_third[@]}" --epochs 12 --learning-rate 1e-3 >> red-cnn.log

@@ -1,4 +1,4 @@
-"""Draw the pictures of the report: what a reader sees first, the images, and a few charts, in light and dark.
+"""Draw the pictures of the report: what a reader sees first, on a desk and on a phone, and the small table in the dark.
 
     python docs/images/make_report.py comparison/
 
@@ -21,10 +21,9 @@ HERE = Path(__file__).parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 PICTURES = {
-    "report-top": ("light", 1280, 900, "#top"),
-    "report-images": ("dark", 1280, 1150, "#images"),
-    "report-texture": ("light", 1280, 900, "#texture"),
-    "report-lesions": ("light", 1280, 560, "#lesions"),
+    "report-top": ("light", 1440, 1000, "#top"),
+    "report-summary": ("dark", 1440, 820, "#summary"),
+    "report-phone": ("light", 390, 820, "#top"),
 }
 """Colours, width and height of the window in dots, and what is at its top."""
 
@@ -48,7 +47,8 @@ def _take(page: Any, path: Path, scheme: str, width: int, height: int, place: st
     page.wait_for_timeout(500)  # until what came into view is drawn
     page.screenshot(path=path)
     with Picture.open(path) as picture:  # a palette is enough, and a third of the bytes
-        picture.convert("RGB").quantize(128, dither=Picture.Dither.NONE).save(path, optimize=True)
+        palette = picture.convert("RGB").quantize(256, Picture.Quantize.MAXCOVERAGE, dither=Picture.Dither.NONE)
+        palette.save(path, optimize=True)
 
 
 def main() -> None:

@@ -11,7 +11,6 @@ from PIL import Image as Picture
 
 from pnpct.cli import main
 from pnpct.files import Provenance, read_image, read_scan, read_truth, sha256_of
-from pnpct.report.panel_layout import FOOTER, GAP, HEADER, MARGIN, SIDE
 from pnpct.units import to_hu
 
 SMALL = ["--anatomy", "head", "--size", "64", "--views", "60", "--bins", "100"]
@@ -209,7 +208,8 @@ def test_the_demo_runs_everything_and_what_uses_the_statistics_comes_nearest(run
     # Pixels of 5 mm are none that the network has learnt from; it must not be worse than what it replaces.
     assert max(errors["tv"], errors["pnp"]) < min(errors["fbp-hann"], errors["fbp-soft"])
     with Picture.open(folder / "comparison.png") as picture:
-        assert picture.size == (MARGIN + 4 * (SIDE + GAP), HEADER + 2 * SIDE + GAP / 2 + GAP + FOOTER)
+        assert picture.width > 4 * 500  # four columns, each with its detail below
+        assert picture.height > 2 * 500
         assert json.loads(picture.text["Comment"])["command"][:2] == ["pnpct", "demo"]
     # What it did can be repeated with the commands that it showed.
     shown = [line.removeprefix("$ pnpct ").split() for line in out.splitlines() if line.startswith("$ pnpct ")]

@@ -1,7 +1,6 @@
 """How the program behaves as a process: help, Ctrl-C, closed pipes."""
 
 import os
-import pty
 import re
 import signal
 import subprocess
@@ -88,6 +87,7 @@ def test_ctrl_c_while_iterating_gives_130_and_one_line_and_no_file(made, tmp_pat
         str(tmp_path / "out.h5"),
         *("--method", "tv", "--iterations", "100000", "--stop", "never"),
     ]
+    pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
     terminal, other_end = pty.openpty()
     process = subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, stderr=other_end, text=True)
     os.close(other_end)
@@ -139,7 +139,7 @@ def test_running_out_of_memory_gets_one_line(run, monkeypatch):
         def fail(*_, error=error, **__):
             raise error
 
-        monkeypatch.setattr("pnpct.cli.app.parse", fail)
+        monkeypatch.setattr("pnpct.cli.parsing.parse", fail)
         status, _, err = run("info", "file.h5")
         assert status == 2
         assert err == "pnpct: out of memory; use fewer pixels or a larger machine.\n"

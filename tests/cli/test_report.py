@@ -47,7 +47,7 @@ def test_it_says_how_many_checks_have_failed(run, made, tmp_path):
     assert "1 case, 1 failed check.\n" in out
     page = (tmp_path / "page.html").read_text()
     assert '"window":[40.0,400.0]' in page
-    assert "FAIL: residual chi-square" in page
+    assert FAILED.says in page
 
 
 NOT_RESULTS = with_text("metrics.json", "{}")

@@ -132,6 +132,7 @@ def test_a_damaged_state_is_refused(dataset: Path, tmp_path: Path, run) -> None:
         lambda state: state["epoch"]["optimizer"].update(param_groups=[]),
         lambda state: state["epoch"]["optimizer"]["state"][0].update(exp_avg=torch.zeros(3)),
         lambda state: state["epoch"]["weights"].popitem(),
+        lambda state: state["epoch"]["latest"].popitem(),
         lambda state: state["epoch"].update(weights=[1, 2]),
         lambda state: state.update(losses=3),
     ],
@@ -210,10 +211,9 @@ def test_the_defaults_are_those_of_the_method(name: str) -> None:
 
 
 def test_every_option_arrives_in_the_method() -> None:
-    shared = "--epochs 3 --pairs-per-epoch 6 --batch 2 --side 32 --learning-rate 0.5 --decay 0.9 --micro-batch 1"
-    shared += " --seed 7"
+    shared = "--epochs 3 --pairs-per-epoch 6 --batch 2 --side 32 --learning-rate 0.5 --micro-batch 1 --seed 7"
     of_all: dict[str, Any] = {"epochs": 3, "pairs_per_epoch": 6, "batch": 2, "side": 32, "learning_rate": 0.5}
-    of_all |= {"decay": 0.9, "micro_batch": 1, "seed": 7, "bfloat16": True}
+    of_all |= {"micro_batch": 1, "seed": 7, "bfloat16": True}
     words = (
         "--bfloat16 --also b c --loop-denoiser n2n --loop-iterations 5 --loop-images 2 --fine-tuning-epochs 4 "
         "--losses paper --texture-weight 0.1 --contrast-weight 0.2 --examples 9 --cache images --lowest-ma 30 "

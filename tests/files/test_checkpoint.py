@@ -215,7 +215,7 @@ def test_a_name_is_that_of_a_network_in_the_package(path, tmp_path, monkeypatch,
     weights = tmp_path / "weights"
     monkeypatch.setattr("pnpct.files.named_denoisers.WEIGHTS", weights)
     assert network_names() == ()
-    with pytest.raises(ValueError, match=f'no denoiser "n2n"; there are {", ".join(DENOISERS)}, and'):
+    with pytest.raises(ValueError, match=f'no denoiser "n2n"; there are {", ".join(DENOISERS)}, .safetensors'):
         load_denoiser("n2n")
     weights.mkdir()
     for file in (path, sidecar_of(path)):

@@ -6,7 +6,7 @@ import torch
 
 from pnpct.files import ExposedSlice, FileFormatError, Provenance, read_exposure, tube_voltages, write_exposures
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
-from pnpct.physics import BeamHardening, Exposure, Moments
+from pnpct.physics import BeamHardening, BoneHardening, Exposure, Moments
 
 FAN = FanBeam(evenly_spaced_views(6), 10, 541.0, 949.0, 90.0)
 GRID = ImageGrid(4, 4, spacing=50.0)
@@ -17,7 +17,8 @@ def exposed(scale: float) -> ExposedSlice:
     generator = torch.Generator().manual_seed(0)
     mean = scale * (1 + torch.rand(FAN.shape, generator=generator))
     moments = Moments(mean, 70 * mean, 2 * scale * torch.ones(10), 130 * scale * torch.ones(10), electronic_noise=3.5)
-    hardening = BeamHardening(torch.tensor([[0.01, 1.0, 0.0]], dtype=torch.float64))
+    bone = BoneHardening(torch.arange(6.0)[None] / 100, compact=2.5)
+    hardening = BeamHardening(torch.tensor([[0.01, 1.0, 0.0]], dtype=torch.float64), bone)
     return ExposedSlice(Exposure(moments, FAN, 0.0195, hardening), torch.rand(4, 4, generator=generator), GRID)
 
 
@@ -41,6 +42,9 @@ def test_what_is_written_is_read_within_the_precision_that_is_stated(path: Path)
             torch.testing.assert_close(mine, theirs, rtol=6.2e-5, atol=0)
         assert found.exposure.beam_hardening is not None
         assert found.exposure.beam_hardening.coefficients.tolist() == [[0.01, 1.0, 0.0]]
+        assert found.exposure.beam_hardening.bone is not None
+        assert found.exposure.beam_hardening.bone.compact == 2.5
+        torch.testing.assert_close(found.exposure.beam_hardening.bone.coefficients, torch.arange(6.0)[None] / 100)
 
 
 def test_a_scan_can_be_drawn_from_what_is_read(path: Path) -> None:

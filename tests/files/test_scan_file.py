@@ -16,7 +16,7 @@ from pnpct.files import (
     write_scan,
 )
 from pnpct.geometry import FanBeam, ImageGrid
-from pnpct.physics import BeamHardening, Scan
+from pnpct.physics import BeamHardening, BoneHardening, Scan
 
 PROVENANCE = Provenance(["pnpct", "simulate"], "0.1.0", seed=7)
 
@@ -58,7 +58,8 @@ def path(tmp_path, geometry, generator, grid, disk):
 @pytest.mark.parametrize("per", ["number", "bin", "view", "ray"])
 def test_a_scan_comes_back_as_it_was(tmp_path, geometry, generator, batch, per):
     shape = {"number": (), "bin": (geometry.bins,), "view": (geometry.views, 1), "ray": geometry.shape}[per]
-    hardening = BeamHardening(torch.tensor([[0.01, 1.0, 0.0]]).expand(geometry.bins, 3))
+    bone = BoneHardening(torch.arange(6.0).expand(geometry.bins, 6) / 100, compact=2.5)
+    hardening = BeamHardening(torch.tensor([[0.01, 1.0, 0.0]]).expand(geometry.bins, 3), bone)
     incident = 1000.0 + torch.rand(shape, generator=generator)
     before = a_scan(geometry, generator, batch=batch, incident=incident, beam_hardening=hardening)
     write_scan(tmp_path / "scan.h5", before, provenance=PROVENANCE)
@@ -69,6 +70,8 @@ def test_a_scan_comes_back_as_it_was(tmp_path, geometry, generator, batch, per):
     assert after.geometry == before.geometry
     assert torch.equal(after.beam_hardening.coefficients, before.beam_hardening.coefficients)
     assert after.beam_hardening.coefficients.dtype == torch.float32
+    assert torch.equal(after.beam_hardening.bone.coefficients, bone.coefficients)
+    assert after.beam_hardening.bone.compact == 2.5
 
 
 def test_a_flat_detector_and_a_moving_focal_spot_come_back(tmp_path, geometry, generator):

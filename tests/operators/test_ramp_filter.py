@@ -2,6 +2,7 @@ import math
 
 import pytest
 import torch
+from scipy.interpolate import CubicSpline
 
 from pnpct.operators import ramp_filter
 
@@ -47,3 +48,11 @@ def test_a_batch_is_its_slices():
     together = ramp_filter(y, spacing=0.1, equiangular=True, kernel="soft")
     alone = ramp_filter(y[1, 4], spacing=0.1, equiangular=True, kernel="soft")
     torch.testing.assert_close(together[1, 4], alone)
+
+
+def test_the_soft_kernel_is_the_spline_through_its_points() -> None:
+    points = (1.0, 0.815, 0.4564, 0.1636, 0.0)
+    spline = CubicSpline(torch.linspace(0, 1, 5), points, bc_type=((1, 0.0), "not-a-knot"))
+    for frequency in (0.07, 0.2, 0.3, 0.42):
+        window = respond(frequency, "soft") / respond(frequency, "ram-lak")
+        assert window == pytest.approx(spline(2 * frequency), abs=2e-3)

@@ -22,6 +22,17 @@ def test_admm_begins_with_less_noise_than_fbp_has(grid: ImageGrid, geometry: Fan
     assert not state.u.any()
 
 
+def test_bones_are_those_of_fbp(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:
+    A = Projector(grid, geometry)
+    rows, cols = disk.shape
+    bone = torch.zeros_like(disk, dtype=torch.bool)
+    bone[rows // 2 - 2 : rows // 2 + 2, cols // 2 - 2 : cols // 2 + 2] = True
+    sinogram = scanned(torch.where(bone, 1.8, disk), A)
+    start, smooth = starting_state(sinogram, A).v, fbp(sinogram.line_integrals, A, kernel="soft")
+    assert torch.equal(start[bone], smooth[bone])
+    assert not torch.equal(start[(disk > 0.5) & ~bone], smooth[(disk > 0.5) & ~bone])
+
+
 def test_with_metal_it_begins_without_its_streaks(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:
     A = Projector(grid, geometry)
     rows, cols = disk.shape

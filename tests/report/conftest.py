@@ -54,7 +54,7 @@ def open_page(browser):
     """Open a page with the network off; at the end nothing may have gone wrong, or have been asked for."""
     contexts, complaints, requests = [], [], []
 
-    def open_page(path: Path, *, width: int = 1360, scheme: str = "light"):
+    def open_page(path: Path, *, width: int = 1900, scheme: str = "light"):
         context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True)
         context.set_default_timeout(TIMEOUT_MS)
         contexts.append(context)
@@ -64,6 +64,7 @@ def open_page(browser):
         page.on("request", lambda request: requests.append(request.url))
         page.goto(path.as_uri())
         page.wait_for_selector("html[data-ready]")
+        page.evaluate("for (const fold of document.querySelectorAll('#images details')) fold.open = true")
         return page
 
     yield open_page

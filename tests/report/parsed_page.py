@@ -91,30 +91,3 @@ def read_number(text: str) -> tuple[float, float]:
     digits, _, exponent = plain.partition("e")
     decimals = len(digits.partition(".")[2]) - int(exponent or 0)
     return float(plain), 0.5 * 10.0**-decimals
-
-
-@dataclass(frozen=True)
-class DrawnAxis:
-    """An axis as the page describes it: it turns places back into values."""
-
-    low: float
-    high: float
-    start: float
-    end: float
-    log: bool
-
-    @staticmethod
-    def of(chart: Element, name: str) -> "DrawnAxis":
-        *numbers, kind = chart.attributes[name].split()
-        return DrawnAxis(*map(float, numbers), kind == "log")
-
-    def value(self, place: float) -> float:
-        share = (place - self.start) / (self.end - self.start)
-        if self.log:
-            return self.low * (self.high / self.low) ** share
-        return self.low + share * (self.high - self.low)
-
-    def error(self, value: float) -> float:
-        """What a value may differ by after its place was rounded to hundredths."""
-        share = 0.006 / abs(self.end - self.start)
-        return value * ((self.high / self.low) ** share - 1) if self.log else share * (self.high - self.low)

@@ -1,143 +1,110 @@
-"""Every bar, tick, line and point of a chart is where its number says."""
+"""Bars, lines and points of the charts are where the numbers of the comparison say."""
 
+import math
 import re
+from xml.etree import ElementTree
 
 import pytest
-from parsed_page import DrawnAxis, metrics, parse, resolve
+from small_comparison import NAMES, make_comparison
 
-from pnpct.report.charts import listed
-from pnpct.report.texture_charts import near_style
+from pnpct.report.bars import grey_values, lesion_bars, texture_changes
+from pnpct.report.curves import curve_charts
+from pnpct.report.results import Results
+from pnpct.report.tasks import groups, task_charts
+
+SVG = "{http://www.w3.org/2000/svg}"
+COLOURS = {name: f"var(--c{number})" for number, name in enumerate(NAMES)}
 
 
 @pytest.fixture(scope="module")
-def page(report):
-    return parse(report)
+def results(tmp_path_factory) -> Results:
+    return Results(make_comparison(tmp_path_factory.mktemp("charts")))
 
 
-@pytest.fixture(scope="module")
-def content(folder):
-    return metrics(folder)
+def paths(chart, colour):
+    """The points of each line or shape of a colour."""
+    found = [
+        path.get("d")
+        for path in ElementTree.fromstring(chart.svg).iter(f"{SVG}path")
+        if colour in (path.get("stroke"), path.get("fill")) and path.get("clip-path")
+    ]
+    return [[(float(x), float(y)) for x, y in re.findall(r"[ML] ([\d.-]+) ([\d.-]+)", d)] for d in found]
 
 
-def bar_charts(page):
-    return [chart for chart in page.all("svg", style="plot") if "data-y" not in chart.attributes]
+def assert_bars(chart, values, aim=None, intervals=()):
+    """All bars begin at the line of 0, and they, the aim and the whiskers end where one scale has them."""
+    zero = paths(chart, "var(--quiet)")[0][0][0]
+    ends = {}
+    for name in values:
+        (bar,) = paths(chart, COLOURS[name])
+        xs = [x for x, _ in bar]
+        assert min(abs(x - zero) for x in xs) < 0.01
+        ends[name] = max(xs, key=lambda x: abs(x - zero)) - zero
+    assert not [name for name in NAMES if name not in values and paths(chart, COLOURS[name])]
+    scale = sum(abs(end) for end in ends.values()) / sum(abs(value) for value in values.values())
+    assert ends == pytest.approx({name: scale * value for name, value in values.items()}, abs=0.02)
+    if aim is not None:
+        assert paths(chart, "var(--c-given)")[0][0][0] - zero == pytest.approx(scale * aim, abs=0.02)
+    drawn = [tuple((x - zero) / scale for x, _ in path) for path in paths(chart, "var(--ink)") if len(path) == 2]
+    assert sorted(drawn) == [pytest.approx(each, abs=0.02 / scale) for each in sorted(intervals)]
 
 
-def line_charts(page):
-    return [chart for chart in page.all("svg", style="plot") if "data-y" in chart.attributes]
+def test_bars_of_texture_end_at_the_ratio_of_the_means_and_the_line_is_the_reference(results):
+    for group, of_page in zip(results.comparison.texture_change.values(), texture_changes(results), strict=True):
+        assert len(of_page.bars.charts) == 7
+        for number, chart in enumerate(of_page.bars.charts):
+            changes = {name: found.features[number] for name, found in group.changes.items()}
+            first = next(iter(changes.values()))
+            assert_bars(
+                chart,
+                {name: change.ratio_of_means for name, change in changes.items()},
+                100.0 * (first.reference / first.fbp - 1.0),
+                [(change.interval.low, change.interval.high) for change in changes.values() if change.interval],
+            )
 
 
-def bars(chart):
-    """The bars of a chart, each with the element that shows its number."""
-    groups = [group for group in chart.all("g") if group.all("rect", style="bar")]
-    return [(group, group.all("rect", style="bar")[0].attributes, group.all("tspan")) for group in groups]
+def test_bars_of_grey_values_end_at_the_distance_and_the_line_is_that_of_the_repeat(results):
+    for found, chart in zip(results.comparison.histogram.values(), grey_values(results).charts, strict=True):
+        values = {name: found[name]["emd"] for name in NAMES}
+        assert_bars(chart, values, found["reference"]["repeat_scan_floor"])
 
 
-def test_bars_end_where_their_numbers_are(page, content):
-    seen = 0
-    for chart in bar_charts(page):
-        axis = DrawnAxis.of(chart, "data-x")
-        for _, bar, spans in bars(chart):
-            (number,) = [span.attributes for span in spans if "data-path" in span.attributes]
-            value = resolve(content, number["data-path"]) * float(number.get("data-scale", "1"))
-            left = axis.value(float(bar["x"]))
-            right = axis.value(float(bar["x"]) + float(bar["width"]))
-            assert (left, right) == pytest.approx((min(value, 0.0), max(value, 0.0)), abs=2 * axis.error(value))
-            seen += 1
-    assert seen == 2 * 2 * 7 + 2 * 3 + 3  # features at two tube currents, cases, lesions
+def test_bars_of_lesions_end_at_what_is_left_in_percent_and_the_line_is_all_of_it(results):
+    for found, chart in zip(results.comparison.lesions.values(), lesion_bars(results).charts, strict=True):
+        assert_bars(chart, {name: 100.0 * entry.recovered for name, entry in found.items()}, 100.0)
 
 
-def test_the_tick_is_the_reference_and_the_floor(page, content):
-    marks = [(chart, mark.attributes) for chart in bar_charts(page) for mark in chart.all("line", style="mark")]
-    paths = {mark.get("data-path", "").rpartition("/")[2] for _, mark in marks}
-    assert paths == {"reference", "repeat_scan_floor", ""}
-    for chart, mark in marks:
-        axis = DrawnAxis.of(chart, "data-x")
-        place, path = axis.value(float(mark["x1"])), mark.get("data-path", "")
-        value = 100.0 if not path else resolve(content, path)
-        if path.endswith("/reference"):
-            fbp = resolve(content, path.removesuffix("reference") + "fbp")
-            value = 100.0 * (value / fbp - 1.0)
-        assert place == pytest.approx(value, abs=axis.error(value))
+def assert_lines(chart, lines):
+    """All lines go through their values, where one pair of axes has them."""
+    drawn = {
+        name: next(path for path in paths(chart, COLOURS[name]) if len(path) == len(lines[name])) for name in lines
+    }
+    for axis in (0, 1):
+        pairs = sorted(
+            (value[axis], at[axis]) for name in lines for value, at in zip(lines[name], drawn[name], strict=True)
+        )
+        (low, start), (high, end) = pairs[0], pairs[-1]
+        slope = (end - start) / (high - low)
+        assert slope * (-1) ** axis > 0  # to the right, and up
+        assert [at for _, at in pairs] == pytest.approx([start + slope * (v - low) for v, _ in pairs], abs=0.02)
+    return drawn
 
 
-def test_intervals_reach_from_end_to_end(page, content):
-    seen = 0
-    for chart in bar_charts(page):
-        axis = DrawnAxis.of(chart, "data-x")
-        for group, _, spans in bars(chart):
-            for whisker in group.all("path", style="whisker"):
-                (number,) = [span.attributes for span in spans if "data-path" in span.attributes]
-                interval = resolve(content, number["data-path"].removesuffix("ratio_of_means") + "interval")
-                low, high = map(float, re.match(r"M([\d.]+),[\d.]+H([\d.]+)", whisker.attributes["d"]).groups())
-                ends = axis.value(low), axis.value(high)
-                assert ends == pytest.approx((interval["low"], interval["high"]), abs=axis.error(1.0))
-                seen += 1
-    assert seen == 2 * 6  # one feature has none, and neither has what is of two patients
+def test_curves_go_through_their_values(results):
+    curves = results.comparison.curves
+    for kind, chart in zip(("noise-power", "transfer"), curve_charts(results), strict=True):
+        of_kind = {curve.method: curve for curve in curves if curve.kind == kind}
+        assert_lines(chart, {name: [*zip(c.frequency_per_mm, c.values, strict=True)] for name, c in of_kind.items()})
 
 
-def test_colours_are_those_of_closeness(page, content):
-    for chart in bar_charts(page):
-        for group, _, spans in bars(chart):
-            (number,) = [span.attributes["data-path"] for span in spans if "data-path" in span.attributes]
-            if number.startswith("/texture_change"):
-                closeness = resolve(content, number.removesuffix("ratio_of_means") + "closeness")
-                assert group.classes == {near_style(closeness)}
-
-
-@pytest.mark.parametrize(
-    ("closeness", "style"),
-    [(1.0, "near-4"), (0.0, "near-0"), (-1.0, "near--4"), (-7.0, "near--4"), (0.5, "near-2"), (None, "near-none")],
-)
-def test_closeness_runs_from_farther_to_there(closeness, style):
-    assert near_style(closeness) == style
-
-
-def test_over_smoothing_is_told_and_hatched(page):
-    assert "Over-smoothed: Blurred FBP (entropy)." in " ".join(page.text.split())
-    groups = [group for chart in bar_charts(page) for group, _, _ in bars(chart)]
-    (tagged,) = [group for group in groups if group.all("tspan", style="tag")]  # closeness is known at 40 mA alone
-    assert "Blurred FBP over-smoothed" in tagged.text
-    hatched = [group for group in groups if group.all("rect", style="hatch")]
-    assert len(hatched) == 2 * 7
-    assert all("Blurred FBP" in group.text for group in hatched)
-
-
-def test_curves_go_through_their_values(page, content):
-    seen = 0
-    for chart in line_charts(page):
-        x, y = DrawnAxis.of(chart, "data-x"), DrawnAxis.of(chart, "data-y")
-        for group in [g for g in chart.all("g") if "data-path" in g.attributes]:
-            known = resolve(content, group.attributes["data-path"])
-            if "points" in known:
-                expected = [
-                    (point["tube_current_ma"], point["found"]["d_prime"]["estimate"]) for point in known["points"]
-                ]
-            else:
-                expected = list(zip(known["frequency_per_mm"], known["values"], strict=True))
-            drawn = [tuple(map(float, p.split(","))) for p in group.all("polyline")[0].attributes["points"].split()]
-            for (across, up), (of_x, of_y) in zip(drawn, expected, strict=True):
-                assert x.value(across) == pytest.approx(of_x, abs=x.error(of_x))
-                assert y.value(up) == pytest.approx(of_y, abs=y.error(of_y))
-            seen += 1
-    assert seen == 6 + 9
-
-
-def test_intervals_of_detectability_are_drawn(page, content):
-    for chart in line_charts(page):
-        y = DrawnAxis.of(chart, "data-y")
-        for group in [g for g in chart.all("g") if g.attributes.get("data-path", "").startswith("/tasks")]:
-            points = resolve(content, group.attributes["data-path"])["points"]
-            for whisker, point in zip(group.all("line", style="whisker"), points, strict=True):
-                ends = [y.value(float(whisker.attributes[end])) for end in ("y1", "y2")]
-                d_prime = point["found"]["d_prime"]
-                assert ends == pytest.approx([d_prime["low"], d_prime["high"]], rel=1e-3)
-
-
-def test_words_are_joined_as_a_sentence_does():
-    assert (listed([]), listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])) == (
-        "",
-        "a",
-        "a and b",
-        "a, b and c",
-    )
+def test_detectability_goes_through_its_estimates_with_intervals_on_logarithmic_axes(results):
+    for group, chart in zip(groups(results), task_charts(results), strict=True):
+        points = {task.method: [(p.tube_current_ma, p.found.d_prime) for p in task.points] for _, task in group.tasks}
+        lines = {name: [(math.log(ma), math.log(d.estimate)) for ma, d in of] for name, of in points.items()}
+        drawn = assert_lines(chart, lines)
+        (low, top), (high, bottom) = ((lines["fbp"][n][1], drawn["fbp"][n][1]) for n in (0, -1))
+        slope = (bottom - top) / (high - low)
+        for name, of in points.items():
+            whiskers = [path for path in paths(chart, COLOURS[name]) if len(path) == 2]
+            expected = [[slope * (math.log(end) - low) + top for end in (d.low, d.high)] for _, d in of]
+            assert [[y for _, y in each] for each in whiskers] == [pytest.approx(e, abs=0.02) for e in expected]

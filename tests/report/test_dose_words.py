@@ -1,8 +1,8 @@
 """A saving of dose is spoken of only with tasks, observer, reference kernel, interval and control."""
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
-import msgspec
 import pytest
 from small_comparison import make_comparison
 
@@ -10,9 +10,10 @@ from pnpct.comparison import Comparison, DoseShare, write_comparison
 from pnpct.evaluation import Interval
 from pnpct.report import write_report
 from pnpct.report.dose_words import dose_statements
-from pnpct.report.marked_numbers import Numbers
-from pnpct.report.task_charts import equal_dose_table, groups, left_out, task_charts
+from pnpct.report.results import Results
+from pnpct.report.tasks import equal_dose_table, groups, left_out, task_charts
 
+SVG = "{http://www.w3.org/2000/svg}"
 REFERENCE = "FBP hann at 320 mA"
 
 
@@ -26,7 +27,7 @@ def comparison(tmp_path_factory) -> Comparison:
 
 
 def said(comparison: Comparison) -> str:
-    return " ".join(dose_statements(comparison, Numbers(msgspec.to_builtins(comparison))))
+    return " ".join(dose_statements(Results(comparison)))
 
 
 def with_tasks(comparison: Comparison, change) -> Comparison:
@@ -95,8 +96,7 @@ def test_worse_than_at_the_highest_dose_and_better_than_at_the_lowest_are_told_a
     assert words in said(changed)
     assert ("takes more dose than with the reference" in said(changed)) == (dose.outside == "above")
     assert ("dose reduction" in said(changed)) == (dose.outside == "below")
-    numbers = Numbers(msgspec.to_builtins(changed))
-    cells = [row.cells[3] for row in equal_dose_table(changed, numbers, {}).rows if row.label == "PnP-ADMM"]
+    cells = [row.cells[3] for row in equal_dose_table(Results(changed)).rows if row.label == "PnP-ADMM"]
     assert len(cells) == 3
     assert all(words in cell for cell in cells)
 
@@ -128,9 +128,9 @@ def test_a_page_without_claims_never_has_the_words(comparison, tmp_path, own_fol
 
 
 def test_the_table_ends_with_the_share_for_every_lesion(comparison):
-    table = equal_dose_table(comparison, Numbers(msgspec.to_builtins(comparison)), {})
+    table = equal_dose_table(Results(comparison))
     assert [row.cells[0] for row in table.rows][-2:] == ["every lesion"] * 2
-    assert [row.label for row in table.rows][-2:] == ["Blurred FBP", "PnP-ADMM"]
+    assert [row.label for row in table.rows][-2:] == ["Blurred FBP (control)", "PnP-ADMM"]
     assert "/least_reductions/1/equal_dose/share/estimate" in table.rows[-1].cells[3]
 
 
@@ -141,15 +141,17 @@ def test_a_d_prime_without_a_logarithm_is_in_the_table_but_in_no_chart(compariso
         return replace(task, points=(replace(first, found=replace(first.found, d_prime=d_prime)), *others))
 
     changed = with_tasks(comparison, negative)
-    charts = task_charts(changed, Numbers(msgspec.to_builtins(changed)), {})
-    assert {len(line.points) for chart in charts for line in chart.lines} == {2}
+    charts = [ElementTree.fromstring(chart.svg) for chart in task_charts(Results(changed))]
+    paths = [path.get("d") for chart in charts for path in chart.iter(f"{SVG}path") if path.get("stroke-width") == "2"]
+    assert len(paths) == 3 * 3  # observers and lesions, methods
+    assert {path.count("L") for path in paths} == {1}  # two points
 
 
 def test_npwe_is_shown_beside_the_control_only(comparison):
-    assert [group.observer for group in groups(comparison)] == ["channelised Hotelling"] * 2 + ["NPWE"]
+    assert [group.observer for group in groups(Results(comparison))] == ["channelised Hotelling"] * 2 + ["NPWE"]
     alone = with_tasks(
         comparison, lambda task: None if (task.method, task.observer) == ("fbp-blurred", "NPWE") else task
     )
-    assert [group.observer for group in groups(alone)] == ["channelised Hotelling"] * 2
-    assert left_out(alone) == 2
-    assert left_out(comparison) == 0
+    assert [group.observer for group in groups(Results(alone))] == ["channelised Hotelling"] * 2
+    assert left_out(Results(alone)) == 2
+    assert left_out(Results(comparison)) == 0

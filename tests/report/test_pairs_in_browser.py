@@ -16,7 +16,8 @@ pytestmark = pytest.mark.slow  # a browser takes its time on a busy machine
 
 def test_the_divider_shows_one_method_left_and_the_other_right(page, hu):
     canvas = "#pair canvas"
-    assert (page.locator("#pair-a").input_value(), page.locator("#pair-b").input_value()) == ("fbp", "pnp")
+    assert (page.locator("#pair-a").input_value(), page.locator("#pair-b").input_value()) == ("truth", "pnp")
+    page.locator("#pair-a").select_option("fbp")
     x, y = point_of(page, canvas, 31.5, 10)
     page.mouse.move(x, y)
     page.mouse.down()
@@ -33,6 +34,7 @@ def test_the_divider_shows_one_method_left_and_the_other_right(page, hu):
 
 
 def test_flicker_shows_one_after_the_other(page, hu):
+    page.locator("#pair-a").select_option("fbp")
     page.locator("#pair-modes").get_by_text("Flicker").click()
     left, right = page.locator("#pair-left"), page.locator("#pair-right")
     right.filter(has_text="PnP-ADMM").wait_for()
@@ -114,7 +116,7 @@ def test_another_case_has_other_images_and_no_maps(page, folder):
     image = to_hu(read_image(folder / "head-fbp.h5")[0].double()).round()
     assert colour(page, panel("fbp"), 25, 50) == grey(float(image[50, 25]), 30, 300)
     assert page.locator('input[name="overlay"][value="t"]').is_disabled()
-    assert page.locator("#detail-rows h3").text_content().startswith("1: Head, 60 mA, rows 26 to 41")
+    assert page.locator("#detail-rows h3").text_content().startswith("1: rows 26 to 41")
 
 
 def test_a_profile_is_the_hu_along_the_line(page, hu):
@@ -160,13 +162,26 @@ def test_dark_is_the_systems_choice_until_the_reader_makes_another(open_page, re
         assert background(page) > 700  # paper is white
 
 
-def test_a_failure_can_be_seen_on_the_screen_and_on_paper(page):
-    for media in ("screen", "print"):
-        page.emulate_media(media=media)
-        assert page.locator(".failure").is_visible()
-        assert page.locator(".failure").bounding_box()["height"] > 20
+def test_checks_are_folded_on_the_screen_and_open_on_paper(page):
+    check = page.locator(".check").filter(has_text="The prior has overruled the data.")
+    assert not check.is_visible()
+    assert page.locator(".summary .mark.fail").first.is_visible()
+    page.emulate_media(media="print")
+    assert check.is_visible()
+    assert check.bounding_box()["height"] > 20
     page.emulate_media(media="screen")
-    assert page.locator(".verdict.fail").is_visible()
+    page.locator(".method > summary").filter(has_text="PnP-ADMM").click()
+    assert check.is_visible()
+
+
+def test_the_first_two_images_are_large_on_a_desk_and_side_by_side_on_a_phone(open_page, report):
+    for width, times in ((1440, 2), (390, 1)):
+        page = open_page(report, width=width)
+        truth, best, other = (page.locator(panel(name)).bounding_box() for name in ("truth", "pnp", "fbp"))
+        assert truth["y"] == best["y"]
+        assert truth["x"] < best["x"]
+        assert truth["width"] == pytest.approx(best["width"], abs=1)
+        assert truth["width"] == pytest.approx(times * other["width"], rel=0.05)
 
 
 def test_a_changed_image_says_so_under_itself(open_page, own_folder, tmp_path):
@@ -179,7 +194,7 @@ def test_a_changed_image_says_so_under_itself(open_page, own_folder, tmp_path):
     assert "FAIL" not in page.locator('#grid .panel[data-method="fbp"] figcaption').text_content()
 
 
-@pytest.mark.parametrize("width", [360, 768, 1920])
+@pytest.mark.parametrize("width", [360, 768, 1440, 1920])
 def test_nothing_is_wider_than_the_window(open_page, report, width):
     page = open_page(report, width=width)
     assert page.evaluate("document.documentElement.scrollWidth") <= width

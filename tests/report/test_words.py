@@ -1,7 +1,7 @@
 import pytest
 from parsed_page import read_number
 
-from pnpct.report.words import common_decimals, spell, title_of, unit_of
+from pnpct.report.words import common_decimals, listed, spell, title_of, unit_of
 
 VALUES = [0.0, 1.0, -3.14159, 41.23, 9.996, 999.4, 1314.19, -12345.6, 346200.0, 0.0004, 3.07e-9, -0.0275]
 
@@ -63,3 +63,10 @@ def test_a_row_of_numbers_ends_at_one_digit_unless_that_would_hide_some(values, 
     if decimals is not None:
         for value in filter(None, values):
             assert abs(read_number(spell(value, decimals=decimals))[0]) > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "text"), [([], ""), (["a"], "a"), (["a", "b"], "a and b"), (["a", "b", "c"], "a, b and c")]
+)
+def test_words_are_joined_as_a_sentence_does(words, text):
+    assert listed(words) == text

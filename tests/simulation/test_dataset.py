@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from pnpct.files import read_exposure, read_manifest, sha256_of, write_manifest
-from pnpct.simulation import Recipe, plan, simulate_dataset
+from pnpct.simulation import Recipe, clinical_fan_beam, plan, procedural_patient, simulate_dataset
 
 SMALL = Recipe(anatomies=("head",), cases=3, rows=2, tube_voltages_kvp=(80.0, 120.0), views=12, bins=40, size=32)
 
@@ -105,6 +105,31 @@ def test_the_plan_keeps_all_scans_of_a_patient_together_and_depends_on_the_seed(
     assert plan(Recipe(**{**vars(recipe), "seed": 1})) != stations
 
 
+def test_patients_of_other_sizes_are_the_same_patients_larger_or_smaller() -> None:
+    source = procedural_patient("head", np.random.default_rng(3), size=64)
+    large = source.resized(1.5)
+    assert large.body.extent == pytest.approx([1.5 * z for z in source.body.extent])
+    phantom, of_large = (each.body.slice(each.height, each.grid) for each in (source, large))
+    assert of_large.grid.spacing == pytest.approx(1.5 * phantom.grid.spacing)
+    torch.testing.assert_close(of_large.fractions, phantom.fractions)
+
+
+def test_sizes_are_drawn_for_each_patient_and_end_at_the_field_of_view(tmp_path: Path) -> None:
+    recipe = replace(SMALL, cases=6, stations=2, rows=1, scale=(0.8, 1.2))
+    scales = {}
+    for station in plan(recipe):
+        assert scales.setdefault(station.patient, station.scale) == station.scale
+    assert len(set(scales.values())) == 6
+    assert all(0.8 <= scale <= 1.2 for scale in scales.values())
+    shares = [[station.share for station in plan(each)] for each in (recipe, replace(recipe, scale=(1.0, 1.0)))]
+    assert shares[0] == shares[1]
+    huge = replace(SMALL, cases=1, rows=1, bins=900, tube_voltages_kvp=(120.0,), scale=(10.0, 10.0))
+    (scan,) = simulate_dataset(tmp_path / "set", huge)
+    grid = read_exposure(tmp_path / "set" / next(iter(scan.files)), tube_voltage_kvp=120.0).grid
+    assert grid is not None
+    assert grid.spacing * grid.cols == pytest.approx(2 * clinical_fan_beam().field_of_view_radius)
+
+
 def test_a_body_that_is_too_low_is_refused(tmp_path: Path) -> None:
     tall = Recipe(**{**vars(SMALL), "rows": 1000})
     with pytest.raises(ValueError, match="1000 rows need"):
@@ -125,6 +150,7 @@ def test_a_body_that_is_too_low_is_refused(tmp_path: Path) -> None:
         ({"noise_hu": 20.0}, "needs such a series"),
         ({"tube_voltages_kvp": (100.0, 100.00001)}, "given twice"),
         ({"seed": -1}, "A seed"),
+        ({"scale": (1.2, 0.8)}, "rising factors"),
     ],
 )
 def test_recipes_that_cannot_be_are_refused(change: dict[str, object], message: str) -> None:

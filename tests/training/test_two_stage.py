@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 import torch
@@ -33,13 +34,15 @@ OPTIONS = {"pairs_per_epoch": 8, "batch": 4, "learning_rate": 3e-3}
 def same(one: Epoch, other: Epoch) -> None:
     assert (one.stage, one.number) == (other.stage, other.number)
     assert one.loss == other.loss
-    for name, value in one.weights.items():
-        assert torch.equal(value, other.weights[name]), name
+    for kind in ("weights", "latest"):
+        for name, value in getattr(one, kind).items():
+            assert torch.equal(value, getattr(other, kind)[name]), name
 
 
 def test_both_stages_lower_their_loss_and_weights_change() -> None:
     D = network()
-    epochs = list(two_stage(D, Noise(0.1), Noise(0.01), epochs=(6, 6), **OPTIONS))
+    options = {**OPTIONS, "learning_rate": 1e-2}
+    epochs = list(two_stage(D, Noise(0.1), Noise(0.01), epochs=(6, 6), **options))
     assert [epoch.stage for epoch in epochs] == 6 * ["noise-to-noise"] + 6 * ["fine-tuning"]
     assert epochs[5].loss < epochs[0].loss
     assert epochs[11].loss < epochs[6].loss
@@ -102,12 +105,28 @@ def test_a_resumed_run_equals_an_uninterrupted_one(done: int) -> None:
             same(one, other)
 
 
-def test_the_learning_rate_falls_by_its_factor() -> None:
-    (first, second) = train(
-        network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=2, decay=0.5, **OPTIONS
+def test_the_learning_rate_rises_to_its_highest_and_falls_to_zero() -> None:
+    options = {**OPTIONS, "pairs_per_epoch": 4}  # an epoch is a step
+    epochs = train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=40, **options)
+    rates = [epoch.optimizer["param_groups"][0]["lr"] for epoch in epochs]
+    assert rates[0] == pytest.approx(1.5e-3)
+    assert rates[1] == pytest.approx(3e-3, rel=0.01)
+    assert all(later < earlier for earlier, later in pairwise(rates[1:]))
+    assert rates[20] == pytest.approx(1.5e-3)
+    assert rates[-1] < 1e-5
+
+
+def test_the_network_has_the_average_of_the_latest_weights() -> None:
+    D = network()
+    *_, before, last = train(D, Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=30, **OPTIONS)
+    assert all(torch.equal(value, last.weights[name]) for name, value in D.state_dict().items())
+    change, change_of_average = (
+        sum(float((getattr(last, of)[name] - value).square().sum()) for name, value in getattr(before, of).items())
+        for of in ("latest", "weights")
     )
-    rates = [epoch.optimizer["param_groups"][0]["lr"] for epoch in (first, second)]
-    assert rates == pytest.approx([3e-3, 1.5e-3])
+    assert change_of_average > 0
+    distance = sum(float((last.latest[name] - value).square().sum()) for name, value in last.weights.items())
+    assert distance > change
 
 
 def test_numbers_that_cannot_be_are_refused() -> None:

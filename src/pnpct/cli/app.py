@@ -1,14 +1,18 @@
-"""The program `pnpct`: finds the command, and turns an error into one line."""
+"""The program `pnpct`: finds the command, and turns an error into one line.
+
+Only what a command needs is imported: nobody waits for a library to see the list of the commands.
+"""
 
 import difflib
+import gc
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
-from pnpct.cli.parsing import UsageError, parse
 from pnpct.cli.signals import ended_as_by_ctrl_c
 from pnpct.cli.terminal import complain, say
 
@@ -82,6 +86,8 @@ def run(words: Sequence[str]) -> None:
         say(_overview(group))
     else:
         command, rest = _find(words)
+        from pnpct.cli.parsing import parse
+
         asked = parse(class_of(command), rest, program=f"pnpct {command}")
         with import_module("numpy").errstate(over="ignore"):  # what becomes infinite is refused where a value is born
             asked.run(["pnpct", *words])
@@ -90,7 +96,20 @@ def run(words: Sequence[str]) -> None:
 def class_of(command: str) -> Any:
     """Return the dataclass of one of the `COMMANDS`, whose fields are its arguments."""
     words = command.replace("-", " ").split()
-    return getattr(import_module(f"pnpct.cli.{'_'.join(words)}"), "".join(map(str.title, words)))
+    with _no_garbage_collected():
+        module = import_module(f"pnpct.cli.{'_'.join(words)}")
+    return getattr(module, "".join(map(str.title, words)))
+
+
+@contextmanager
+def _no_garbage_collected() -> Iterator[None]:
+    """Let the many objects of large libraries come without a search for garbage among them, and never again."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
@@ -101,7 +120,7 @@ def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
     near = _group(words[0])
     asked = " ".join(words[: 2 if near else 1])
     near = near or difflib.get_close_matches(asked, COMMANDS, n=1) or [*COMMANDS]
-    raise UsageError(f'there is no command "{asked}"; there {"is" if len(near) == 1 else "are"} {", ".join(near)}.')
+    raise ValueError(f'there is no command "{asked}"; there {"is" if len(near) == 1 else "are"} {", ".join(near)}.')
 
 
 def _group(word: str) -> list[str]:

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
 from pnpct.cli.app import run
 from pnpct.cli.artefact import NUMBERS, PICTURES, check_output, finish
 from pnpct.cli.demo_scores import score_images
+from pnpct.cli.parsing import given_options, option
 from pnpct.cli.terminal import say
 from pnpct.files import record_run
 
@@ -30,6 +32,7 @@ class Demo:
 
     Args:
         folder: Output folder; it is created.
+        quick: Take half of the views, detector cells, rows and columns: less than a minute.
         tube_current_ma: Tube current, mA.
         views: Views of the scan.
         size: Rows and columns of the images.
@@ -37,9 +40,10 @@ class Demo:
     """
 
     folder: Positional[Path] = Path("demo")
+    quick: bool = False
     tube_current_ma: float = 40.0
-    views: int = 984
-    size: int = 512
+    views: Annotated[int | None, option(default="984, or 492 with --quick")] = None
+    size: Annotated[int | None, option(default="512, or 256 with --quick")] = None
     seed: int = 0
 
     def run(self, command: Sequence[str]) -> None:
@@ -48,8 +52,10 @@ class Demo:
         scan, numbers, picture = (self.folder / name for name in ("scan.h5", "metrics.json", "comparison.png"))
         check_output(numbers, NUMBERS)
         check_output(picture, PICTURES)
-        dose = f"--tube-current-ma {self.tube_current_ma} --views {self.views} --size {self.size} --seed {self.seed}"
-        _call("simulate scan", scan, options=dose)
+        usual = {"views": 492, "size": 256, "bins": 450} if self.quick else {"views": 984, "size": 512}
+        given = {**usual, **given_options(self, ("views", "size", "tube_current_ma")), "seed": self.seed}
+        options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in given.items())
+        _call("simulate scan", scan, options=options)
         files = {name: self.folder / f"{name}.h5" for name in METHODS}
         for name, options in METHODS.items():
             _call("reconstruct", scan, files[name], options=options)

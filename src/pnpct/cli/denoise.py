@@ -10,8 +10,9 @@ from tyro.conf import Positional
 from pnpct.arrays import Image, Volume
 from pnpct.cli.denoiser_options import DenoiserOptions
 from pnpct.cli.devices import DeviceName, choose_device
+from pnpct.cli.dicom_output import finish_folder
 from pnpct.cli.image_input import check_series, image_of
-from pnpct.cli.image_output import SeriesOptions, names_folder
+from pnpct.cli.image_output import ImageOptions, names_folder
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import working
 from pnpct.files import SourceSeries, read_source_series, record_run
@@ -20,7 +21,7 @@ from pnpct.reconstruction import denoiser_settings
 
 
 @dataclass(frozen=True)
-class Denoise(DenoiserOptions, SeriesOptions):
+class Denoise(DenoiserOptions, ImageOptions):
     """Denoise an image, or each slice of a volume.
 
     Args:
@@ -49,7 +50,10 @@ class Denoise(DenoiserOptions, SeriesOptions):
         where = {"series": place.uid} if isinstance(place, SourceSeries) else {"grid": asdict(place)}
         settings = {**denoiser_settings(denoise), **where, "device": device.type}
         provenance = record_run(command, inputs=[self.image], settings=settings)
-        self.finish_image(self.denoised, denoised, place, provenance=provenance)
+        if isinstance(place, SourceSeries):
+            finish_folder(self.denoised, denoised, place, provenance=provenance, body_part=self.body_part)
+        else:
+            self.finish_image(self.denoised, denoised, place, provenance=provenance)
 
     def _input(self, command: Sequence[str]) -> tuple[Image | Volume, Grid | SourceSeries]:
         """The image and where it is: from series to series each slice stays in its own plane."""

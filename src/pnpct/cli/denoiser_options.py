@@ -9,7 +9,7 @@ from pnpct.cli.parsing import given_options, option
 from pnpct.denoisers import DENOISERS, Denoise
 from pnpct.files import DEFAULT_DENOISER, load_denoiser, network_names
 
-_NAMES = "|".join([f"{{{','.join([*network_names(), *DENOISERS])}}}", "FILE.safetensors"])
+_NAMES = "|".join([f"{{{','.join([*network_names(), *DENOISERS])}}}", "FILE.safetensors", "MODULE:NAME"])
 _STRENGTHS = ", ".join(f"{name}: {known.usual:g} {known.unit}" for name, known in DENOISERS.items())
 
 
@@ -18,7 +18,8 @@ class DenoiserOptions:
     """The denoiser and its options; None where not given, since an option that is given must have an effect.
 
     Args:
-        denoiser: A network that comes with pnpct, the file of a trained network, or a classical denoiser.
+        denoiser: A network that comes with pnpct, the file of a trained network, a classical denoiser, or one of your
+            own, by where it can be imported from.
         strength: How much a classical denoiser smooths, each in its own unit.
         noise_level_hu: Standard deviation of the noise, HU, for noise-conditioned networks.
         passes: How often a network is applied, 1 to 4; more passes remove more noise, and some fine detail.

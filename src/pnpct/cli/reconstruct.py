@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from pnpct.arrays import Image
 from pnpct.cli.devices import DeviceName, choose_device, on_device
 from pnpct.cli.grids import grid_for
-from pnpct.cli.image_output import SeriesOptions, names_folder, source_of
+from pnpct.cli.image_output import ImageOptions, names_folder
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
 from pnpct.cli.slabs import volume_of_slabs
@@ -27,7 +27,7 @@ _OF_TRUTH = "that of the truth in the scan; without one,"
 
 
 @dataclass(frozen=True)
-class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
+class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
     """Reconstruct the image of a scan, or the volume of a scan with several detector rows.
 
     Slices of a volume are written when they are done, to a folder beside the output. If the command is interrupted and
@@ -70,7 +70,7 @@ class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
         self.check_one_plane()
         image, grid, settings = self._image(on_device(scan, device), method)
         provenance = record_run(command, inputs=[self.scan], settings={**settings, "device": device.type})
-        self.finish_image(self.image, image, grid, provenance=provenance, source=source_of(self.scan))
+        self.finish_image(self.image, image, grid, provenance=provenance, scan=self.scan)
         for note in settings.get("notes", ()):
             say(note)
 
@@ -118,7 +118,7 @@ class Reconstruct(SeriesOptions, VolumeOptions, MethodOptions):
                 volume,
                 grid,
                 provenance=provenance,
-                source=source_of(self.scan),
+                scan=self.scan,
                 slice_thickness=self.thickness,
                 also=_of_the_cone(planes, grid),
             )

@@ -28,6 +28,7 @@ class SimulateDataset:
         cases: Number of procedural patients.
         body: Further patients: folders with a DICOM CT series, volumes of HU (.npz), XCIST phantoms (.json, .zip).
         noise_hu: Standard deviation of the noise to remove from CT series, HU.
+        scale: Least and largest factor by which patients are resized; none becomes larger than the field of view.
         stations: Axial scans of each patient, spread over its length.
         rows: Detector rows; each gives a slice, 0.625 mm from the next.
         tube_voltages_kvp: Peak tube voltages of each scan, 70 to 140 kVp.
@@ -46,6 +47,7 @@ class SimulateDataset:
     cases: int = Recipe.cases
     body: tuple[Path, ...] = ()
     noise_hu: float = Recipe.noise_hu
+    scale: tuple[float, float] = Recipe.scale
     stations: int = Recipe.stations
     rows: int = Recipe.rows
     tube_voltages_kvp: tuple[float, ...] = Recipe.tube_voltages_kvp
@@ -65,6 +67,7 @@ class SimulateDataset:
             bodies=tuple(map(str, self.body)),
             cases=self.cases,
             noise_hu=self.noise_hu,
+            scale=self.scale,
             stations=self.stations,
             rows=self.rows,
             tube_voltages_kvp=self.tube_voltages_kvp,

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -31,21 +31,25 @@ def shortened(text: str) -> str:
 @contextmanager
 def working(on: str) -> Iterator[None]:
     """Show on a terminal what is being done, until the block ends."""
+    if not sys.stderr.isatty():
+        yield
+        return
     from rich.console import Console
 
-    console = Console(stderr=True)
-    with console.status(on) if console.is_terminal else nullcontext():
+    with Console(stderr=True).status(on):
         yield
 
 
 def track(items: Iterable[Item], *, total: int, of: str) -> Iterator[Item]:
     """Yield the items with a bar on the terminal that disappears; it may end before the total."""
+    if not sys.stderr.isatty():
+        yield from items
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(of, total=total)
         for item in items:
             progress.advance(task)

@@ -18,7 +18,16 @@ from pnpct.cli.seeds import check_seed
 from pnpct.cli.terminal import say, track, working
 from pnpct.cli.training_options import TrainingOptions
 from pnpct.denoisers import RDNCBAM, REDCNN, SIZES
-from pnpct.files import MANIFEST, load_network, network_file, read_scan, save_network, sha256_of, sole_writer
+from pnpct.files import (
+    MANIFEST,
+    is_import_path,
+    network_file,
+    read_network,
+    read_scan,
+    save_network,
+    sha256_of,
+    sole_writer,
+)
 from pnpct.files.checkpoint import SUFFIX
 from pnpct.files.training_file import read_training, write_training
 from pnpct.training import (
@@ -45,7 +54,8 @@ class Train(TrainingOptions):
         size: Size of the paper's network, or red-cnn; --begin-with has a size of its own.
         noise_input: Make a noise-conditioned network; its input is the noise of FBP with the sharpest kernel (ram-lak),
             HU.
-        begin_with: Pretrained network to begin with, by name or file; random weights if none is given.
+        begin_with: Network to begin with, by name or file, or one of your own as my_package.module:name; one of pnpct's
+            with random weights if none is given.
         licence: Licence of the network, recorded beside it.
         tensorboard: Folder for TensorBoard logs, where it is installed.
         device: Where to compute; auto takes a CUDA device if there is one.
@@ -103,7 +113,8 @@ class Train(TrainingOptions):
             raise ValueError("--noise-input has no effect on red-cnn, which has no such input; leave it out.")
         if self.network.suffix != SUFFIX:
             raise ValueError(f"{self.network}: the name of a network must end in {SUFFIX}.")
-        begun_with = [network_file(name) for name in (self.begin_with, self.loop_denoiser) if name is not None]
+        named = [name for name in (self.begin_with, self.loop_denoiser) if name is not None]
+        begun_with = [network_file(name) for name in named if not is_import_path(name)]
         check_output(self.network, (SUFFIX,), inputs=[self.data, *begun_with])
         state_file = self.network.with_suffix(".training")
         if state_file.is_dir():
@@ -111,10 +122,10 @@ class Train(TrainingOptions):
         return state_file
 
     def _network(self) -> nn.Module:
+        torch.manual_seed(self.seed)
         if self.begin_with is not None:
-            network = load_network(network_file(self.begin_with))
+            network, _ = read_network(self.begin_with)
         else:
-            torch.manual_seed(self.seed)
             size = self.size or "small"
             network = REDCNN() if size == "red-cnn" else RDNCBAM(SIZES[size], noise_input=self.noise_input)
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # faster on CPUs
@@ -122,7 +133,9 @@ class Train(TrainingOptions):
 
     def _settings(self) -> dict[str, Any]:
         """All that the weights depend on besides the options of the method."""
-        begin_with = self.begin_with and sha256_of(network_file(self.begin_with))
+        begin_with = self.begin_with
+        if begin_with and not is_import_path(begin_with):
+            begin_with = sha256_of(network_file(begin_with))
         size = None if begin_with else self.size or "small"
         network = {"size": size, "noise_input": self.noise_input, "begin_with": begin_with}
         return {"method": self.method, **network, "data": self._fingerprint()}

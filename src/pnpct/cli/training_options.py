@@ -20,8 +20,7 @@ class TrainingOptions:
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
         batch: Batch size, pairs per optimizer step.
         side: Rows and columns of the patches; whole images if not given.
-        learning_rate: Learning rate of Adam in the first epoch.
-        decay: Factor of the learning rate after each epoch.
+        learning_rate: Highest learning rate; it rises to that in the first steps, then falls to zero.
         micro_batch: Pairs that pass through the network together; more are faster, but take more memory.
         bfloat16: Compute in bfloat16 where that is accurate enough.
         seed: Seed of the weights and of all pairs.
@@ -51,7 +50,6 @@ class TrainingOptions:
     batch: int = TwoStage.batch
     side: int | None = None
     learning_rate: float = TwoStage.learning_rate
-    decay: float = TwoStage.decay
     micro_batch: Annotated[int | None, option(default="1 for whole images, else all of a batch")] = None
     bfloat16: bool = TwoStage.bfloat16
     seed: int = TwoStage.seed

@@ -203,7 +203,9 @@ class PaperMethods:
             name: PlugAndPlay(each, sigma_v=self.sigma_v, iterations=self.iterations) for name, each in learned.items()
         }
         further = {
-            f"pnp-{Path(name).stem}": PlugAndPlay(load_denoiser(name), sigma_v=self.sigma_v, iterations=self.iterations)
+            f"pnp-{Path(name.rpartition(':')[2]).stem}": PlugAndPlay(
+                load_denoiser(name), sigma_v=self.sigma_v, iterations=self.iterations
+            )
             for name in self.denoiser
         }
         of_paper = Candidates(

@@ -21,6 +21,7 @@ from pnpct.evaluation import GLCMSpec, LesionRecovery, Texture, repeat_scan_floo
 from pnpct.files import sha256_of
 from pnpct.operators import Projector
 from pnpct.physics import take_log
+from pnpct.reconstruction import corrected_for_bone
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def compare_one_scan(folder: Path, subject: Subject, methods: Candidates, study:
     loaded = subject.load()
     grid, geometry = loaded.grid, loaded.scan.geometry
     A = Projector(grid, geometry, mu_water=loaded.scan.mu_water)
-    sinogram = take_log(loaded.scan)
+    sinogram = corrected_for_bone(take_log(loaded.scan), A)
     origin = {"scan": {**asdict(subject), "file": sha256_of(subject.file)}}
     store = ImageFolder(folder, f"images/{subject.name}", grid, origin)
     files: dict[str, StoredImage] = {}

@@ -1,9 +1,11 @@
 """Denoisers: plain callables from image to image, with their strength bound inside."""
 
+from pnpct.denoisers.adapted import AdaptedNetwork
 from pnpct.denoisers.by_name import DENOISERS, Classical, Denoise, make_denoiser
 from pnpct.denoisers.gaussian import Gaussian
 from pnpct.denoisers.learned import LearnedDenoiser
 from pnpct.denoisers.network_cost import network_cost
+from pnpct.denoisers.noise_level import estimated_noise
 from pnpct.denoisers.nonlocal_means import NonlocalMeans
 from pnpct.denoisers.rdn_cbam import RDNCBAM, SIZES, RDNSize
 from pnpct.denoisers.red_cnn import REDCNN
@@ -14,6 +16,7 @@ __all__ = [
     "RDNCBAM",
     "REDCNN",
     "SIZES",
+    "AdaptedNetwork",
     "Classical",
     "Denoise",
     "Gaussian",
@@ -21,6 +24,7 @@ __all__ = [
     "NonlocalMeans",
     "RDNSize",
     "TotalVariation",
+    "estimated_noise",
     "make_denoiser",
     "network_cost",
     "total_variation",

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from pnpct.arrays import Image
-from pnpct.denoisers.noise_level import NoiseLevel, check_noise_level
+from pnpct.denoisers.noise_level import NoiseLevel, NoiseOf, check_noise_level
 
 DENSEST = 4.0
 """The largest value that a network is given, relative to water: 3000 HU, more than any bone.
@@ -30,7 +30,8 @@ class LearnedDenoiser:
     Args:
         network: Takes images [batch, rows, cols] relative to water, and a noise level too if it has `noise_input`.
         noise_level: Standard deviation of the noise in units of the image, ≥ 0 (0.03 is 30 HU), or a map that
-            broadcasts to the image; for networks conditioned on it, and only for these.
+            broadcasts to the image, or a function that gives it of each image, such as `estimated_noise`; for networks
+            conditioned on it, and only for these.
         passes: How often the network is applied, 1 to 4; 1.5 is the mean of once and twice. A second pass removes
             noise that the first has left, and some of the finest detail.
         bfloat16: Compute with 8 bits of precision instead of 24 inside the network, about twice as fast on hardware
@@ -52,7 +53,7 @@ class LearnedDenoiser:
     """
 
     network: nn.Module
-    noise_level: NoiseLevel | None = None
+    noise_level: NoiseLevel | NoiseOf | None = None
     passes: float = 1.0
     bfloat16: bool = False
     batch: int = 1
@@ -61,9 +62,8 @@ class LearnedDenoiser:
 
     def __post_init__(self) -> None:
         check_noise_level(self.network, self.noise_level)
-        if (level := self._level) is not None and not bool((torch.isfinite(level) & (level >= 0)).all()):
-            low, high = level.min().item(), level.max().item()
-            raise ValueError(f"A noise level is a standard deviation from 0 up, got {low:g} to {high:g}.")
+        if self.noise_level is not None and not callable(self.noise_level):
+            _checked(self.noise_level)
         if self.batch < 1:
             raise ValueError(f"At least one slice is worked on at a time, got a batch of {self.batch}.")
         if not 1 <= self.passes <= 4:
@@ -75,8 +75,7 @@ class LearnedDenoiser:
     @property
     def settings(self) -> dict[str, Any]:
         """All that its images depend on, as plain values."""
-        level = self._level
-        level_hu = {} if level is None else {"noise_level_hu": 1000 * level.item() if level.numel() == 1 else "map"}
+        level_hu = {} if self.noise_level is None else {"noise_level_hu": _described(self.noise_level)}
         which = {"denoiser": self.name or type(self.network).__name__, "denoiser_sha256": self.sha256 or None}
         return {**which, **level_hu, "passes": self.passes, "bfloat16": self.bfloat16}
 
@@ -91,15 +90,12 @@ class LearnedDenoiser:
             result = torch.lerp(result, self._once(result), min(self.passes - done, 1.0))
         return result
 
-    @property
-    def _level(self) -> Tensor | None:
-        return None if self.noise_level is None else torch.as_tensor(self.noise_level)
-
     def _once(self, image: Image) -> Image:
-        image, level = image.detach(), self._level
+        image = image.detach()
+        level = _checked(self.noise_level(image)) if callable(self.noise_level) else self.noise_level
         seen = image.clamp(max=DENSEST)
         slices = seen.reshape(seen.shape[:-2].numel(), *seen.shape[-2:])
-        levels = None if level is None else level.to(image).expand_as(image).reshape(slices.shape)
+        levels = None if level is None else torch.as_tensor(level).to(image).expand_as(image).reshape(slices.shape)
         place = next(self.network.parameters(), torch.empty(0))
         # Memory from outside inference mode: a caller may work on the result in place.
         result = torch.empty_like(slices)
@@ -109,3 +105,20 @@ class LearnedDenoiser:
                 inputs = (slices,) if levels is None else (slices, levels)
                 result[chosen] = self.network(*(array[chosen].to(place) for array in inputs)).to(image)
         return result.reshape(image.shape) + (image - seen)
+
+
+def _checked(noise_level: NoiseLevel) -> Tensor:
+    level = torch.as_tensor(noise_level)
+    if not bool((torch.isfinite(level) & (level >= 0)).all()):
+        low, high = level.min().item(), level.max().item()
+        raise ValueError(f"A noise level is a standard deviation from 0 up, got {low:g} to {high:g}.")
+    return level
+
+
+def _described(noise_level: NoiseLevel | NoiseOf) -> float | str:
+    """A noise level in HU, or what it is in a word."""
+    if callable(noise_level):
+        return str(getattr(noise_level, "__qualname__", type(noise_level).__qualname__))
+    if isinstance(noise_level, Tensor):
+        return 1000 * noise_level.item() if noise_level.numel() == 1 else "map"
+    return 1000 * noise_level

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import skimage
 import torch
-from skimage.restoration import denoise_nl_means
 
 from pnpct.arrays import Image
 
@@ -60,7 +60,7 @@ class NonlocalMeans:
             return image.clone()
         slices = image.reshape(-1, *image.shape[-2:]).double().cpu().numpy()
         denoised = [
-            denoise_nl_means(
+            skimage.restoration.denoise_nl_means(
                 one,
                 patch_size=self.patch,
                 patch_distance=self.distance,

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import torch
-from scipy import fft
 
 from pnpct.arrays import Image
 
@@ -43,6 +43,6 @@ class Quadratic:
     def __call__(self, image: Image) -> Image:
         """Return the minimiser, of the image's shape, type and device."""
         rows, cols = (2 - 2 * np.cos(np.pi * np.arange(length) / length) for length in image.shape[-2:])
-        spectrum = fft.dctn(image.detach().cpu().double().numpy(), axes=(-2, -1), norm="ortho")
+        spectrum = scipy.fft.dctn(image.detach().cpu().double().numpy(), axes=(-2, -1), norm="ortho")
         spectrum /= 1 + self.strength * (rows[:, None] + cols)
-        return torch.from_numpy(fft.idctn(spectrum, axes=(-2, -1), norm="ortho")).to(image)
+        return torch.from_numpy(scipy.fft.idctn(spectrum, axes=(-2, -1), norm="ortho")).to(image)

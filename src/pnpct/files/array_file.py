@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
-from pnpct.files.mat_file import mat_arrays
 
 # What numpy and zipfile raise for files that are cut, damaged or of another kind.
 _DAMAGE = (
@@ -38,7 +37,7 @@ def load_array(path: PathLike, *, nan: bool = False) -> NDArray[Any]:
             not hold finite numbers.
     """
     file, member = file_and_member(path)
-    arrays = mat_arrays(file) if file.suffix == ".mat" else _numpy_arrays(file)
+    arrays = _matlab_arrays(file) if file.suffix == ".mat" else _numpy_arrays(file)
     if "" in arrays and member:
         raise FileFormatError(f"{file} holds a single array, but its member {member} was asked for.")
     array = arrays[_choose(file, member, arrays)]
@@ -61,6 +60,12 @@ def file_and_member(path: PathLike) -> tuple[Path, str]:
     """
     named = re.fullmatch(r"(.*\.(?:npz|mat)):(.*)", str(path), re.DOTALL)
     return (Path(path), "") if named is None or Path(path).exists() else (Path(named[1]), named[2])
+
+
+def _matlab_arrays(file: Path) -> dict[str, NDArray[Any]]:
+    from pnpct.files.mat_file import mat_arrays  # and SciPy's reader, which takes longer than FBP of a slice
+
+    return mat_arrays(file)
 
 
 def _numpy_arrays(file: Path) -> dict[str, NDArray[Any]]:

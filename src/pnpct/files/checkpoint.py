@@ -1,6 +1,8 @@
 """Trained networks on disk: <name>.safetensors holds the weights, <name>.safetensors.json describes them.
 
-Neither file holds code: whatever is in them, reading them runs nothing.
+Neither file holds code. The description of one of pnpct's networks says all of it: whatever is in the files, reading
+them runs nothing. That of a network of your own names where Python can import it from: reading it imports that module,
+which must be installed.
 """
 
 import hashlib
@@ -20,8 +22,10 @@ from torch import Tensor, nn
 
 from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize
 from pnpct.denoisers.attention import Attention
+from pnpct.denoisers.noise_level import is_noise_conditioned
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.import_path import described_network, is_import_path, where_imported
 from pnpct.files.json_file import load_json
 
 FORMAT = "pnpct-network"
@@ -29,14 +33,16 @@ FORMAT_VERSION = 1
 SUFFIX = ".safetensors"
 ARCHITECTURES = ("rdn-cbam", "red-cnn")
 NORMALISATION = "HU/1000"
-"""What the networks are given: HU / 1000, computed inside them from the image relative to water."""
+"""What pnpct's networks are given: HU / 1000, computed inside them from the image relative to water."""
 UNITS = "attenuation relative to water (air 0, water 1; HU = 1000 (image - 1))"
 ABOUT = ("command", "licence", "manifest_sha256", "metrics", "seed")
 """What must be recorded about a network: the command line, the licence, the SHA-256 of the manifest of the training
 data, figures of merit and the seed; each may be None where there is none."""
 
 
-def save_network(path: PathLike, network: nn.Module, *, about: Mapping[str, Any]) -> None:
+def save_network(
+    path: PathLike, network: nn.Module, *, about: Mapping[str, Any], architecture: str | None = None
+) -> None:
     """Write a network, and its description beside it.
 
     The same network and description give the same bytes. If the machine stops between the renaming of the two
@@ -44,13 +50,16 @@ def save_network(path: PathLike, network: nn.Module, *, about: Mapping[str, Any]
 
     Args:
         path: File for the weights, .safetensors; existing files are replaced.
-        network: An `RDNCBAM` or a `REDCNN`; its parameters are stored as float32.
+        network: An `RDNCBAM`, a `REDCNN`, or a network of your own that takes images [batch, rows, cols] relative to
+            water (`AdaptedNetwork` makes others do so); its parameters are stored as float32.
+        architecture: Where a network of your own can be imported from, "my_package.module:name": such a network, its
+            class, or a function `() -> nn.Module`. One that was imported by `imported_network` knows it.
         about: Plain values by name, those of `ABOUT` among them.
 
     Raises:
         OSError: If a file cannot be written.
-        ValueError: If the suffix is wrong, the network is of another kind or has parameters that are not finite,
-            or `about` lacks something or cannot be written as JSON.
+        ValueError: If the suffix is wrong, nothing says where a network of your own comes from or it would not take the
+            weights, parameters are not finite, or `about` lacks something or cannot be written as JSON.
 
     Example:
         >>> import tempfile
@@ -62,9 +71,9 @@ def save_network(path: PathLike, network: nn.Module, *, about: Mapping[str, Any]
     path = Path(path)
     if path.suffix != SUFFIX:
         raise ValueError(f"The file of a network must end in {SUFFIX}, got {path.name}.")
-    description = _describe(network)
+    tensors = {name: _stored(tensor) for name, tensor in network.state_dict().items()}
+    description = _describe(network, architecture or where_imported(network), tensors)
     about = _plain(about)
-    tensors = {name: tensor.detach().cpu().float().contiguous() for name, tensor in network.state_dict().items()}
     if broken := [name for name, tensor in tensors.items() if not tensor.isfinite().all()]:
         raise ValueError(f"{path} was not written: the parameters {_first_of(broken)} are not finite.")
     numbers = save(tensors)
@@ -72,8 +81,8 @@ def save_network(path: PathLike, network: nn.Module, *, about: Mapping[str, Any]
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "pnpct": version("pnpct"),
-        **description,
         "normalisation": NORMALISATION,
+        **description,
         "units": UNITS,
         "sha256": hashlib.sha256(numbers).hexdigest(),
         "about": about,
@@ -122,7 +131,18 @@ def _sidecar(path: Path) -> Path:
     return path.with_name(path.name + ".json")
 
 
-def _describe(network: nn.Module) -> dict[str, Any]:
+def weights_sha256(network: nn.Module) -> str:
+    """Return the SHA-256 of the weights, in hexadecimal, as `save_network` would store them."""
+    return hashlib.sha256(save({name: _stored(one) for name, one in network.state_dict().items()})).hexdigest()
+
+
+def _stored(tensor: Tensor) -> Tensor:
+    """A tensor of its own, in float32 if it has fractions."""
+    own = tensor.detach().cpu().clone(memory_format=torch.contiguous_format)
+    return own.float() if own.is_floating_point() else own
+
+
+def _describe(network: nn.Module, path: str | None, tensors: Mapping[str, Tensor]) -> dict[str, Any]:
     # A subclass may compute something else with the same weights.
     if type(network) is RDNCBAM:
         described: dict[str, Any] = {"noise_input": network.noise_input, "attention": network.attention}
@@ -134,7 +154,16 @@ def _describe(network: nn.Module) -> dict[str, Any]:
             "noise_input": False,
             "attention": None,
         }
-    raise ValueError(f"Only an RDNCBAM or a REDCNN can be written, got {type(network).__name__}.")
+    if path is None:
+        raise ValueError(
+            f"Only an RDNCBAM or a REDCNN describes itself; say by architecture where {type(network).__name__} can be "
+            "imported from."
+        )
+    if not is_import_path(path):
+        raise ValueError(f'architecture is like "my_package.module:name", got "{path}".')
+    _check_tensors(Path(path), tensors, described_network(path).state_dict())
+    noise_input = is_noise_conditioned(network)
+    return {"architecture": path, "size": {}, "noise_input": noise_input, "attention": None, "normalisation": "its own"}
 
 
 def _plain(about: Mapping[str, Any]) -> dict[str, Any]:
@@ -159,7 +188,8 @@ def _read_sidecar(sidecar: Path) -> dict[str, Any]:
         raise FileFormatError(
             f"{sidecar} has the format version {number}, but {FORMAT_VERSION} is known; update pnpct."
         )
-    for key, known in (("normalisation", NORMALISATION), ("units", UNITS)):
+    known_networks = (("normalisation", NORMALISATION), ("units", UNITS))
+    for key, known in known_networks[is_import_path(str(content.get("architecture"))) :]:
         if content.get(key) != known:
             raise FileFormatError(f'{sidecar} has the {key} "{content.get(key)}", but "{known}" is needed.')
     return content
@@ -168,6 +198,8 @@ def _read_sidecar(sidecar: Path) -> dict[str, Any]:
 def _build(sidecar: Path, content: Mapping[str, Any]) -> nn.Module:
     """A network without weights, which takes neither memory nor random numbers."""
     architecture, size = content.get("architecture"), content.get("size")
+    if isinstance(architecture, str) and is_import_path(architecture):
+        return described_network(architecture)
     if architecture not in ARCHITECTURES:
         known = " and ".join(ARCHITECTURES)
         raise FileFormatError(f'{sidecar} names the architecture "{architecture}"; {known} are known.')

@@ -5,6 +5,7 @@
     /120 kVp/signal_variance        S2, views x bins
     /120 kVp/air_mean, air_variance the same without object, one per bin
     /120 kVp/beam_hardening         coefficients, bins x powers, highest power first
+    /120 kVp/bone_hardening         what it lacks behind bone, bins x 6
     /120 kVp/truth                  the object at the effective energy, where it is known, with its grid
 
 Each voltage has the attributes mu_water_per_mm and electronic_noise. S1 and S2 have 13 bits after the leading one:
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 from pnpct.arrays import Image
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
+from pnpct.files.hardening import read_hardening, write_hardening
 from pnpct.files.hdf5 import (
     group_of,
     new_hdf5,
@@ -30,7 +32,7 @@ from pnpct.files.hdf5 import (
 from pnpct.files.provenance import Provenance
 from pnpct.files.rounding import rounded
 from pnpct.geometry import ImageGrid, require_fan_beam, require_image_grid
-from pnpct.physics import BeamHardening, Exposure, Moments
+from pnpct.physics import Exposure, Moments
 
 FORMAT = "pnpct-exposures"
 _KEPT_BITS = 13
@@ -85,7 +87,7 @@ def write_exposures(
                 values = rounded(getattr(exposure.moments, name), bits=_KEPT_BITS)
                 write_array(group, name, values, units=units, description=meaning)
             if exposure.beam_hardening is not None:
-                group["beam_hardening"] = exposure.beam_hardening.coefficients.detach().cpu().numpy()
+                write_hardening(group, exposure.beam_hardening, water="beam_hardening", bone="bone_hardening")
             if each.truth is not None and each.grid is not None:
                 meaning = "the object at the effective energy"
                 write_image_dataset(group.create_group("truth"), each.truth, each.grid, description=meaning)
@@ -108,7 +110,7 @@ def read_exposure(path: PathLike, *, tube_voltage_kvp: float = 120.0) -> Exposed
             **{part: read_array(group, part) for part in _MEANINGS},
             electronic_noise=number_of(group, "electronic_noise"),
         )
-        hardening = BeamHardening(read_array(group, "beam_hardening")) if "beam_hardening" in group else None
+        hardening = read_hardening(group, water="beam_hardening", bone="bone_hardening")
         geometry = require_fan_beam(read_geometry_group(group_of(file, "geometry")))
         if tuple(moments.signal_mean.shape[-2:]) != geometry.shape:
             raise FileFormatError(

@@ -1,44 +1,28 @@
 """Images and volumes on disk: HDF5 for further processing, NIfTI for viewers, PNG to look at.
 
-HDF5 holds attenuation relative to water; NIfTI and PNG show HU. In NIfTI the object lies as a patient does on
-the back, head first, seen from the feet: our x grows towards the patient's left, our y towards the front.
-Viewers in the radiological convention then show the picture as it is here. The voxels are stored in the order
-that NIfTI calls RAS+ (first axis towards the patient's right, second towards the front, third towards the
-head), so with x reversed. A volume is a NIfTI file of three dimensions; an image, which has no height, is one of two.
+HDF5 holds attenuation relative to water; NIfTI and PNG show HU.
 """
 
-import gzip
 import sys
-import warnings
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import nibabel as nib
 import numpy as np
-import torch
-from nibabel.filebasedimages import ImageFileError
-from nibabel.spatialimages import HeaderDataError
-from numpy.typing import NDArray
-from PIL import Image as Picture
-from PIL.PngImagePlugin import PngInfo
 
 from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
-from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.errors import PathLike
 from pnpct.files.hdf5 import new_hdf5, open_hdf5, read_image_dataset, write_image_dataset
 from pnpct.files.provenance import Provenance, record_run
-from pnpct.geometry import Grid, ImageGrid, VolumeGrid
-from pnpct.units import from_hu, to_hu
+from pnpct.geometry import Grid
+from pnpct.units import to_hu
 
 FORMAT = "pnpct-image"
-_DIVERGED_HU, _LARGEST_HU = 1e9, 1e6
-"""What no image has, nor a map of other values; and no matter, as files from elsewhere hold it."""
+WINDOW = (30.0, 300.0)
+"""Level and width of the window of a PNG, HU."""
 
-_OTHER_UNIT = 20.0
-"""An image of no larger values has no air, and hardly HU: it may be of 0 to 1, or 1/cm."""
+_DIVERGED_HU = 1e9
+"""What no image has, nor a map of other values."""
 
 _NARROWEST_WINDOW, _WIDEST_WINDOW = 1e-3, 1e5
 
@@ -49,7 +33,7 @@ def write_image(
     grid: Grid,
     *,
     provenance: Provenance | None = None,
-    window: tuple[float, float] = (30.0, 300.0),
+    window: tuple[float, float] = WINDOW,
 ) -> None:
     """Write an image or a volume in the format that the suffix names.
 
@@ -92,7 +76,9 @@ def write_image(
     elif suffix == ".png":
         _write_png(path, image, provenance, window)
     else:
-        _write_nifti(path, image, grid, provenance)
+        from pnpct.files.nifti_file import write_nifti
+
+        write_nifti(path, _hu_array(image), grid, provenance)
 
 
 def read_image(path: PathLike) -> tuple[Image | Volume, Grid]:
@@ -110,7 +96,9 @@ def read_image(path: PathLike) -> tuple[Image | Volume, Grid]:
     if suffix == ".png":
         raise ValueError(f"{path}: a PNG shows 256 greys of a window, not HU; read the .h5 or .nii of this image.")
     if suffix != ".h5":
-        return _read_nifti(path)
+        from pnpct.files.nifti_file import read_nifti
+
+        return read_nifti(path)
     with open_hdf5(path, formats=(FORMAT,)) as file:
         return read_image_dataset(file)
 
@@ -140,6 +128,9 @@ def _hu_array(image: Image | Volume) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def _write_png(path: PathLike, image: Image | Volume, provenance: Provenance, window: tuple[float, float]) -> None:
+    from PIL import Image as Picture
+    from PIL.PngImagePlugin import PngInfo
+
     check_window(window)
     level, width = window
     montage = np.concatenate(list(_hu_array(image)), axis=1)
@@ -148,89 +139,3 @@ def _write_png(path: PathLike, image: Image | Volume, provenance: Provenance, wi
     text.add_itxt("Comment", provenance.to_json())
     with atomic_path(path) as temporary:
         Picture.fromarray(greys).save(temporary, pnginfo=text)
-
-
-def _write_nifti(path: PathLike, image: Image | Volume, grid: Grid, provenance: Provenance) -> None:
-    # From (slice, row, column) to RAS+: the last column is the patient's left, the last row the back.
-    voxels = _hu_array(image)[:, ::-1, ::-1].transpose(2, 1, 0).astype(np.float32)
-    plane = grid.plane if isinstance(grid, VolumeGrid) else grid
-    affine = np.diag([plane.spacing, plane.spacing, 1.0, 1.0])
-    affine[:2, 3] = -plane.x[-1], plane.y[-1]
-    if isinstance(grid, VolumeGrid):
-        affine[2, 2:] = grid.slice_spacing, grid.heights[0]
-    new: Any = nib.Nifti1Image  # nibabel has no types here
-    nifti = new(voxels if isinstance(grid, VolumeGrid) else voxels[..., 0], affine)
-    nifti.set_sform(affine, code="scanner")
-    nifti.set_qform(affine, code="scanner")
-    nifti.header.set_xyzt_units(xyz="mm")
-    nifti.header["descrip"] = f"pnpct {provenance.version}, HU".encode()[:79]
-    nifti.header.extensions.append(nib.nifti1.Nifti1Extension("comment", provenance.to_json().encode()))
-    content = nifti.to_bytes()
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(gzip.compress(content, mtime=0) if _suffix(path) == ".nii.gz" else content)
-
-
-def _read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
-    existing_file(path)
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"), _silent_nibabel():
-            warnings.simplefilter("ignore")  # what does not fit is refused below
-            voxels, affine, axes, own = _canonical(path)
-    except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
-        reason = " ".join(str(error).split())
-        raise FileFormatError(f"{path}: this is not a complete NIfTI file ({reason}).") from error
-    if voxels.ndim != 3 or not voxels.size or not np.isfinite(voxels).all():
-        raise FileFormatError(f"{path}: finite HU along two or three axes were needed, got the shape {voxels.shape}.")
-    directions = affine[:3, :3]
-    spacing, slice_spacing = float(directions[0, 0]), float(directions[2, 2])
-    aligned = np.diag([spacing, spacing, slice_spacing])
-    off_axis = not np.allclose(directions, aligned, rtol=1e-4, atol=1e-4 * spacing)
-    if not min(spacing, slice_spacing) > 0 or off_axis or (axes == 2 and voxels.shape[2] != 1):
-        raise FileFormatError(f"{path}: square pixels along the patient's axes were needed, got {directions.tolist()}.")
-    low, high = voxels.min(), voxels.max()
-    if not own and -_OTHER_UNIT <= low <= high <= _OTHER_UNIT:
-        raise FileFormatError(
-            f"{path}: HU were needed, where air is -1000, but the values go from {low:g} to {high:g}; are they in "
-            "another unit, such as 0 to 1?"
-        )
-    if not -_LARGEST_HU <= low <= high <= _LARGEST_HU:
-        raise FileFormatError(f"{path}: values from {low:g} to {high:g} are no HU; is the file damaged?")
-    # The file has float32: the shortest number with the same float32 is the one that was meant.
-    spacing, slice_spacing = float(str(np.float32(spacing))), float(str(np.float32(slice_spacing)))
-    middle = affine[:3, 3] + (np.asarray(voxels.shape) - 1) / 2 * [spacing, spacing, slice_spacing]
-    right, front, head = (round(float(position), 4) + 0.0 for position in middle)
-    image = from_hu(torch.from_numpy(voxels.transpose(2, 1, 0)[:, ::-1, ::-1].copy())).float()
-    slices, rows, cols = image.shape
-    plane = ImageGrid(rows, cols, spacing, (0.0 - right, front))
-    return (image[0], plane) if axes == 2 else (image, VolumeGrid(plane, slices, slice_spacing, head))
-
-
-@contextmanager
-def _silent_nibabel() -> Iterator[None]:
-    """Keep nibabel from reporting to stderr what it mends; its own way leaves it without a handler for good."""
-    logger: Any = nib.imageglobals.logger
-    before, logger.disabled = logger.disabled, True
-    try:
-        yield
-    finally:
-        logger.disabled = before
-
-
-def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
-    """Read voxels in the order RAS+, their affine, how many axes the file has for them, and whether it is pnpct's.
-
-    More axes than three, where they are not of one time, come as they are, and axes that have no direction too.
-    """
-    nib_: Any = nib  # which has no types here
-    nifti = nib_.load(path)
-    voxels, affine = np.asarray(nifti.dataobj, dtype=np.float64), np.array(nifti.affine, dtype=np.float64)
-    own = bytes(np.asarray(nifti.header.get("descrip", b"")).item()).startswith(b"pnpct")
-    if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:
-        return voxels, affine, voxels.ndim, own
-    axes, voxels = min(voxels.ndim, 3), voxels.reshape((*voxels.shape, 1)[:3])
-    if axes == 2:
-        affine[:3, 2] = np.cross(affine[:3, 0], affine[:3, 1])  # whatever the header says of an axis that is not there
-    if np.isnan(nib_.io_orientation(affine)).any():  # an axis that leads nowhere
-        return voxels, affine, axes, own
-    turned = nib_.as_closest_canonical(nib_.Nifti1Image(voxels, affine))
-    return np.asarray(turned.dataobj), np.asarray(turned.affine), axes, own

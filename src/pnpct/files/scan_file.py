@@ -11,6 +11,7 @@
     /geometry/z                   (views) float64, mm, height of each view; only of a cone beam, 0 if it is absent
     /geometry/focal_spot_shifts   (views, 2) float64, mm, of a cone beam (views, 3); only if the focal spot moves
     /beam_hardening/coefficients  (bins, order + 1); only if there is a correction
+    /beam_hardening/bone          (bins, 6), what it lacks behind bone; only if that is known
     /truth/image                  the object, where it is known, with its grid as attributes
 
 The root has the attributes format ("pnpct-scan"), format_version, description, provenance (JSON) and
@@ -25,6 +26,7 @@ from torch import Tensor
 from pnpct.arrays import Image, Volume
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.files.geometry_group import read_geometry_group, write_geometry_group
+from pnpct.files.hardening import read_hardening, write_hardening
 from pnpct.files.hdf5 import (
     group_of,
     new_array,
@@ -37,9 +39,9 @@ from pnpct.files.hdf5 import (
 )
 from pnpct.files.provenance import Provenance
 from pnpct.geometry import Geometry, Grid
-from pnpct.physics import BeamHardening, Scan
+from pnpct.physics import Scan
 
-FORMAT = "pnpct-scan"
+SCAN = "pnpct-scan"
 
 
 def write_scan(
@@ -65,7 +67,7 @@ def write_scan(
         OSError: If the file cannot be written.
         ValueError: If the truth does not fit its grid.
     """
-    with new_hdf5(path, file_format=FORMAT, provenance=provenance, description=description) as file:
+    with new_hdf5(path, file_format=SCAN, provenance=provenance, description=description) as file:
         _fill(file, scan.geometry, [scan])
         if truth is not None:
             write_image_dataset(file.create_group("truth"), *truth, description="the object that was scanned")
@@ -92,7 +94,7 @@ def write_scan_slabs(
         OSError: If the file cannot be written.
         ValueError: If the slabs are not pieces of one scan with this geometry.
     """
-    with new_hdf5(path, file_format=FORMAT, provenance=provenance, description=description) as file:
+    with new_hdf5(path, file_format=SCAN, provenance=provenance, description=description) as file:
         _fill(file, geometry, slabs)
 
 
@@ -135,10 +137,7 @@ def _begin(file: h5py.File, scan: Scan, *, views: int) -> None:
     noise = file.create_dataset("electronic_noise", data=float(scan.electronic_noise))
     noise.attrs.update(units="quanta", description="standard deviation of the electronic noise in each count")
     if scan.beam_hardening is not None:
-        coefficients = scan.beam_hardening.coefficients.detach().cpu().numpy()
-        dataset = file.create_dataset("beam_hardening/coefficients", data=coefficients)
-        meaning = "polynomials, highest power first, from measured line integrals to those of one energy"
-        dataset.attrs.update(units="1", description=meaning)
+        write_hardening(file.create_group("beam_hardening"), scan.beam_hardening, water="coefficients", bone="bone")
 
 
 def _per_view(shape: tuple[int, ...], of_rays: tuple[int, ...]) -> bool:
@@ -148,8 +147,10 @@ def _per_view(shape: tuple[int, ...], of_rays: tuple[int, ...]) -> bool:
 
 def _of_all_views(scan: Scan, per_view: bool) -> tuple[object, ...]:
     """What must be the same in all slabs of a scan."""
-    hardening = scan.beam_hardening.coefficients.tolist() if scan.beam_hardening else None
-    return scan.mu_water, scan.electronic_noise, hardening, None if per_view else scan.incident.tolist()
+    hardening = scan.beam_hardening
+    of_water = hardening.coefficients.tolist() if hardening else None
+    of_bone = hardening.bone.coefficients.tolist() if hardening and hardening.bone else None
+    return scan.mu_water, scan.electronic_noise, of_water, of_bone, None if per_view else scan.incident.tolist()
 
 
 def read_scan(path: PathLike, *, views: slice = slice(None)) -> Scan:
@@ -163,7 +164,7 @@ def read_scan(path: PathLike, *, views: slice = slice(None)) -> Scan:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If it is not a complete scan that fits together, or has none of the views.
     """
-    with open_hdf5(path, formats=(FORMAT,)) as file:
+    with open_hdf5(path, formats=(SCAN,)) as file:
         geometry = read_geometry_group(group_of(file, "geometry"), views)
         shape = (len(file["geometry/view_angles"]), *geometry.shape[1:])
         part = (..., views, *[slice(None)] * (len(shape) - 1))
@@ -175,7 +176,7 @@ def read_scan(path: PathLike, *, views: slice = slice(None)) -> Scan:
             raise FileFormatError(f"/electronic_noise must be one number, got the shape {tuple(noise.shape)}.")
         hardening = None
         if "beam_hardening" in file:
-            hardening = BeamHardening(read_array(group_of(file, "beam_hardening"), "coefficients"))
+            hardening = read_hardening(group_of(file, "beam_hardening"), water="coefficients", bone="bone")
         incident = file.get("incident")
         per_view = isinstance(incident, h5py.Dataset) and _per_view(incident.shape or (), shape)
         return Scan(
@@ -195,7 +196,7 @@ def read_scan_geometry(path: PathLike) -> Geometry:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If it is not a scan, or its geometry does not fit together.
     """
-    with open_hdf5(path, formats=(FORMAT,)) as file:
+    with open_hdf5(path, formats=(SCAN,)) as file:
         return read_geometry_group(group_of(file, "geometry"))
 
 
@@ -206,5 +207,5 @@ def read_truth(path: PathLike) -> tuple[Image | Volume, Grid] | None:
         OSError: If there is no such file or it cannot be read.
         FileFormatError: If it is not a scan, or its truth is incomplete.
     """
-    with open_hdf5(path, formats=(FORMAT,)) as file:
+    with open_hdf5(path, formats=(SCAN,)) as file:
         return read_image_dataset(group_of(file, "truth")) if "truth" in file else None

@@ -56,12 +56,12 @@ def read_training(path: PathLike, *, settings: Mapping[str, Any]) -> dict[str, A
 def _is_whole(state: Mapping[str, Any]) -> bool:
     epoch, losses = state["epoch"], state["losses"]
     return (
-        set(epoch) == {"stage", "number", "loss", "weights", "optimizer"}
+        set(epoch) == {"stage", "number", "loss", "weights", "latest", "optimizer"}
         and isinstance(epoch["stage"], str)
         and type(epoch["number"]) is int
         and epoch["number"] >= 1
         and isinstance(epoch["loss"], float)
-        and all(isinstance(weight, torch.Tensor) for weight in epoch["weights"].values())
+        and all(isinstance(value, torch.Tensor) for of in ("weights", "latest") for value in epoch[of].values())
         and isinstance(epoch["optimizer"], dict)
         and isinstance(losses, list)
         and all(isinstance(figures, dict) for figures in losses)

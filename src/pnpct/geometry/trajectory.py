@@ -1,8 +1,9 @@
 """Where the focal spot is in each view."""
 
 import math
+import reprlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -55,6 +56,12 @@ def view_numbers(chosen: Views, views: int) -> NDArray[np.int64]:
     return numbers
 
 
+def short_repr(value: Any) -> str:
+    """Return the repr of a dataclass in which long sequences end in dots: a scan has thousands of views."""
+    shown = (f"{field.name}={reprlib.repr(getattr(value, field.name))}" for field in fields(value))
+    return f"{type(value).__name__}({', '.join(shown)})"
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """The path of the focal spot around and along the patient: a circle, a helix, or any set of views.
@@ -99,6 +106,8 @@ class Trajectory:
             raise ValueError(f"Focal-spot shifts are one per view: {self.views} views, got {len(shifts)} shifts.")
         if not all(math.isfinite(length) for shift in shifts for length in shift):
             raise ValueError("Focal-spot shifts must be finite lengths in mm.")
+
+    __repr__ = short_repr
 
     def __getitem__(self, views: Views) -> "Trajectory":
         numbers = view_numbers(views, self.views).tolist()

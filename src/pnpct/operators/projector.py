@@ -11,7 +11,7 @@ from pnpct.arrays import Image, Rays
 from pnpct.geometry import Geometry, ImageGrid, require_fan_beam
 from pnpct.operators.cpu_projector import CpuProjector
 from pnpct.operators.linear_operator import LinearOperator
-from pnpct.operators.ray_lines import Method, ray_lines
+from pnpct.operators.ray_lines import Method, check_reach, ray_lines
 from pnpct.operators.torch_projector import TorchProjector
 from pnpct.units import MU_WATER_70_KEV
 
@@ -66,7 +66,7 @@ class Projector(LinearOperator):
             raise ValueError(f'The projector method is "distance-driven" or "joseph", got "{method}".')
         self.grid, self.geometry, self.mu_water, self.method = grid, require_fan_beam(geometry), mu_water, method
         self.domain_shape, self.range_shape = grid.shape, geometry.shape
-        self._tables = ray_lines(grid, self.geometry, method)
+        check_reach(grid, self.geometry)
         self._kernels = lru_cache(maxsize=4)(self._make_kernels)
 
     @override
@@ -100,9 +100,10 @@ class Projector(LinearOperator):
 
     def _make_kernels(self, device: torch.device) -> CpuProjector | TorchProjector:
         rays = self.geometry.views * self.geometry.bins
+        tables = ray_lines(self.grid, self.geometry, self.method)
         if device.type == "cpu":
-            return CpuProjector(self._tables, self.grid.shape, rays)
-        return TorchProjector(self._tables, self.grid.shape, rays, device)
+            return CpuProjector(tables, self.grid.shape, rays)
+        return TorchProjector(tables, self.grid.shape, rays, device)
 
 
 class _Project(torch.autograd.Function):

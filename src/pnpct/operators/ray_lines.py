@@ -68,10 +68,8 @@ class RayLines:
 def ray_lines(grid: ImageGrid, geometry: FanBeam, method: Method) -> list[RayLines]:
     """Tabulate the strips of all rays, with four lanes where the views allow it, else one frame after the other.
 
-    Raises:
-        ValueError: If the focal spot would be inside the image, or no ray meets it.
+    The image must be within reach of the rays (`check_reach`).
     """
-    _check_reach(grid, geometry)
     orbits = view_orbits(geometry)
     if turns_onto_itself(grid) and geometry.views >= 2 * len(orbits):
         return [_four_lanes(grid, geometry, orbits, method)]
@@ -90,7 +88,12 @@ def turned_shape(grid: ImageGrid, turns: tuple[int, ...]) -> tuple[int, int]:
     return grid.shape if turns[0] % 2 == 0 else (grid.cols, grid.rows)
 
 
-def _check_reach(grid: ImageGrid, geometry: FanBeam) -> None:
+def check_reach(grid: ImageGrid, geometry: FanBeam) -> None:
+    """Check that rays meet the image, and that the focal spot is outside it.
+
+    Raises:
+        ValueError: If not.
+    """
     nearest = float(np.linalg.norm(geometry.focal_spots(), axis=1).min())
     if grid.radius >= nearest:
         raise ValueError(

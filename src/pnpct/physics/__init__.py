@@ -1,6 +1,7 @@
 """From detected counts to data: scans and their noise, line integrals and their weights."""
 
-from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction
+from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction, with_bone
+from pnpct.physics.bone_hardening import BoneHardening
 from pnpct.physics.exposure import Exposure
 from pnpct.physics.half_turn import column_shift, half_turn_views
 from pnpct.physics.incident_estimate import MOST_QUANTA, estimate_incident
@@ -13,6 +14,7 @@ __all__ = [
     "MOST_QUANTA",
     "BandedWeights",
     "BeamHardening",
+    "BoneHardening",
     "DiagonalWeights",
     "Exposure",
     "Moments",
@@ -27,4 +29,5 @@ __all__ = [
     "scan_from_moments",
     "simulate_counts",
     "take_log",
+    "with_bone",
 ]

@@ -1,7 +1,7 @@
-"""From the line integrals of a spectrum to those of one energy, for water."""
+"""From the line integrals of a spectrum to those of one energy, for water and for bone."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.arrays import Rays
+from pnpct.physics.bone_hardening import BoneHardening
 
 LARGEST_LINE_INTEGRAL = 10.0
 """Corrections follow their polynomial from 0 to here (22 000-fold attenuation) and its tangents beyond."""
@@ -20,14 +21,16 @@ class BeamHardening:
 
     The low energies of a spectrum are absorbed first, so that y grows slower than the length of water. Below
     0 and above `LARGEST_LINE_INTEGRAL` the correction continues along the tangent: noise must not reach where
-    a polynomial runs away. It knows water only; bone hardens more than it corrects.
+    a polynomial runs away. It knows water only; bone hardens more than it corrects, and where bone is only an image
+    tells: methods do the rest.
 
     Args:
         coefficients: Highest power first, as for `numpy.polyval`; one row per bin, or one row for all.
+        bone: What line integrals lack behind bone; None where that is not known.
 
     Raises:
-        ValueError: If a coefficient is not finite, or h does not rise everywhere from 0 to
-            `LARGEST_LINE_INTEGRAL`.
+        ValueError: If a coefficient is not finite, h does not rise everywhere from 0 to
+            `LARGEST_LINE_INTEGRAL`, or the two corrections are for other bins.
 
     Example:
         >>> hardening = BeamHardening(torch.tensor([[0.25, 1.0, 0.0]]))  # h(y) = y²/4 + y
@@ -36,6 +39,7 @@ class BeamHardening:
     """
 
     coefficients: Float[Tensor, "bins powers"]
+    bone: BoneHardening | None = None
 
     def __post_init__(self) -> None:
         if self.coefficients.ndim != 2 or 0 in self.coefficients.shape:
@@ -46,6 +50,10 @@ class BeamHardening:
         if not bool(self.coefficients.isfinite().all()):
             raise ValueError("A beam-hardening correction needs finite coefficients; some are NaN or infinite.")
         bins = self.coefficients.shape[0]
+        if self.bone is not None and self.bone.coefficients.shape[0] not in (1, bins):
+            raise ValueError(
+                f"The correction for bone is for {self.bone.coefficients.shape[0]} bins, that for water for {bins}."
+            )
         stations = torch.linspace(0.0, LARGEST_LINE_INTEGRAL, 101, dtype=torch.float64)
         slopes = self.slope(stations.to(self.coefficients.device)[:, None].expand(101, bins))
         if bool((slopes <= 0).any()):
@@ -152,6 +160,42 @@ def fit_water_correction(
     fitted = np.linalg.solve(triangle, projected[..., None])[..., 0] / largest**powers
     coefficients = np.concatenate([fitted, np.zeros_like(largest)], axis=-1)
     return BeamHardening(torch.from_numpy(coefficients).to(spectrum.device))
+
+
+def with_bone(
+    water: BeamHardening,
+    detected_spectrum: Float[Tensor, "bins energies"],
+    mu_water: Float[Tensor, "energies"],
+    mu_bone: Float[Tensor, "energies"],
+    *,
+    mu_effective: tuple[float, float],
+    longest: tuple[float, float] = (400.0, 60.0),
+) -> BeamHardening:
+    """Return a correction for water with one for bone beside it: the polynomials that fit what still lacks.
+
+    Args:
+        water: The correction for water.
+        detected_spectrum: As for `fit_water_correction`.
+        mu_water: Attenuation of water at its energies, 1/mm, > 0.
+        mu_bone: Attenuation of compact bone at its energies, 1/mm, > 0.
+        mu_effective: Attenuation of water and of compact bone at the energy that the image is to show, 1/mm.
+        longest: Longest paths through water and through bone that the fit covers, mm.
+
+    Raises:
+        ValueError: If a number is out of range.
+    """
+    if not all(math.isfinite(number) and number > 0 for number in (*mu_effective, *longest)):
+        raise ValueError(f"Attenuations and paths must be positive and finite, got {mu_effective} and {longest}.")
+    lengths = [torch.linspace(0.0, most, 21, dtype=torch.float64) for most in longest]
+    of_water, of_bone = (path.flatten() for path in torch.meshgrid(*lengths, indexing="ij"))
+    spectrum = detected_spectrum.double().cpu()
+    paths = of_water[:, None] * mu_water.double().cpu() + of_bone[:, None] * mu_bone.double().cpu()
+    measured = spectrum.sum(-1).log() - torch.logsumexp(spectrum.log() - paths[:, None], dim=-1)
+    p, q = water.correct(measured), (mu_effective[1] * of_bone[:, None]).expand_as(measured)
+    lacking = mu_effective[0] * of_water[:, None] + q - p
+    powers = torch.stack([q, q * p, q * q, q * p * p, q * p * q, q * q * q], dim=-1)
+    coefficients = torch.linalg.lstsq(powers.transpose(0, 1), lacking.T[..., None]).solution[..., 0]
+    return replace(water, bone=BoneHardening(coefficients, compact=mu_effective[1] / mu_effective[0]))
 
 
 def _polynomial(coefficients: Tensor, at: Tensor) -> Tensor:

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, uniform_filter1d
 
 from pnpct.geometry import ConeBeam
 from pnpct.physics.scan import Scan
@@ -76,7 +76,7 @@ def _line_integrals(scan: Scan) -> NDArray[np.float64]:
     """Line integrals (views, rows, bins), smoothed over three bins, which takes noise at the steps of the grid away."""
     counts = scan.counts.clamp_min(0.5)
     values = (scan.incident / counts).log().double().numpy()
-    return np.asarray(uniform_filter1d(values, 3, axis=-1, mode="nearest"))
+    return np.asarray(scipy.ndimage.uniform_filter1d(values, 3, axis=-1, mode="nearest"))
 
 
 def _misfit(
@@ -106,9 +106,11 @@ def _misfit(
     if not inside.any():
         return math.nan
     own = np.broadcast_to(np.arange(len(beta))[:, None], view.shape)
-    here = map_coordinates(near, [part[inside] for part in (own, rows[0], np.broadcast_to(bins, view.shape))], order=1)
+    here = scipy.ndimage.map_coordinates(
+        near, [part[inside] for part in (own, rows[0], np.broadcast_to(bins, view.shape))], order=1
+    )
     there = np.broadcast_to(column, view.shape)
-    seen = map_coordinates(far, [part[inside] for part in (view, rows[1], there)], order=1)
+    seen = scipy.ndimage.map_coordinates(far, [part[inside] for part in (view, rows[1], there)], order=1)
     return float(np.mean((here - seen) ** 2))
 
 

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
 from pnpct.geometry import ConeBeam, Geometry
+from pnpct.physics.bone_hardening import BoneHardening
 from pnpct.physics.scan import Scan
 from pnpct.physics.unmeasured import fill_along_detector
 from pnpct.physics.weights import DiagonalWeights, Weights
@@ -24,6 +25,7 @@ class Sinogram:
     Args:
         line_integrals: y, dimensionless.
         weights: W, the inverse covariance of the line integrals (up to a factor).
+        bone: What they lack behind bone; None where that is not known, or added already (`corrected_for_bone`).
 
     Raises:
         ValueError: If a line integral is not finite, or the weights are for other rays.
@@ -31,6 +33,7 @@ class Sinogram:
 
     line_integrals: Rays | ConeRays
     weights: Weights
+    bone: BoneHardening | None = None
 
     def __post_init__(self) -> None:
         broken = int((~self.line_integrals.isfinite()).sum())
@@ -121,7 +124,8 @@ def take_log(
         equivalent = equivalent[measured.expand_as(equivalent)].mean().expand_as(counts)
     if not bool(measured.all()):
         line_integrals, equivalent = fill_along_detector(line_integrals, measured), equivalent.where(measured, 0.0)
-    return Sinogram(line_integrals, DiagonalWeights(equivalent, scan.geometry.shape))
+    bone = scan.beam_hardening.bone if scan.beam_hardening else None
+    return Sinogram(line_integrals, DiagonalWeights(equivalent, scan.geometry.shape), bone)
 
 
 def _noise_equivalent(counts: Tensor, electronic_noise: float) -> Tensor:

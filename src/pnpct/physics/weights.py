@@ -4,10 +4,10 @@ from functools import cached_property
 from typing import Any, TypeAlias, final
 
 import numpy as np
+import scipy
 import torch
 from jaxtyping import Float
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 from torch import Tensor
 from typing_extensions import override
 
@@ -104,7 +104,7 @@ class BandedWeights(LinearOperator):
         # All views end to end are one banded matrix: nothing couples the last bin of a view to the next view.
         ends = banded.permute(1, 0, 2).reshape(bands, views * bins).numpy()
         self._factor: NDArray[np.float64]
-        self._factor, failed = lapack.dpbtrf(ends, lower=1)
+        self._factor, failed = scipy.linalg.lapack.dpbtrf(ends, lower=1)
         if failed:
             view, position = divmod(failed - 1, bins)
             raise ValueError(
@@ -145,7 +145,7 @@ class BandedWeights(LinearOperator):
     @override
     def forward(self, x: Rays) -> Rays:
         """Return W x, the solution of Σ (W x) = x."""
-        return self._solve(lapack.dpbtrs, x, lower=1)
+        return self._solve(scipy.linalg.lapack.dpbtrs, x, lower=1)
 
     @override
     def adjoint(self, y: Rays) -> Rays:
@@ -154,7 +154,7 @@ class BandedWeights(LinearOperator):
 
     def whiten(self, rays: Rays) -> Rays:
         """Return L⁻¹ x: noise of covariance Σ becomes noise of covariance one. whitenᵀ whiten = W."""
-        return self._solve(lapack.dtbtrs, rays, uplo="L")
+        return self._solve(scipy.linalg.lapack.dtbtrs, rays, uplo="L")
 
     def _solve(self, solver: Any, rays: Tensor, **triangle: Any) -> Tensor:
         columns = rays.detach().cpu().double().reshape(-1, self._factor.shape[1]).numpy().T

@@ -1,5 +1,6 @@
 """From a sinogram to an image: the methods, plug-and-play ADMM and its solvers, filtered back-projection."""
 
+from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.methods import (
     FBP,
@@ -39,6 +40,7 @@ __all__ = [
     "SolverName",
     "change",
     "check_covered",
+    "corrected_for_bone",
     "covered_slices",
     "denoiser_settings",
     "fbp",

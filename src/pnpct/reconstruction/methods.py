@@ -13,6 +13,7 @@ from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, LearnedDenoiser
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
+from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
@@ -66,7 +67,7 @@ class FBP:
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
-        whole = beyond_fan(sinogram, A)
+        whole = beyond_fan(corrected_for_bone(sinogram, A), A)
         image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
         return Reconstruction(image, self.settings, notes=whole.notes)
 
@@ -132,7 +133,7 @@ class TVPWLS:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, beyond_image(beyond_fan(sinogram, A)), smooth_state, progress)
+        return _iterated(self, _whole(sinogram, A), smooth_state, progress)
 
 
 @dataclass(frozen=True)
@@ -202,7 +203,7 @@ class PlugAndPlay:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, beyond_image(beyond_fan(sinogram, A)), starting_state, progress)
+        return _iterated(self, _whole(sinogram, A), starting_state, progress)
 
 
 METHODS: dict[str, type[FBP | TVPWLS | PlugAndPlay]] = {"fbp": FBP, "pnp": PlugAndPlay, "tv": TVPWLS}
@@ -235,6 +236,10 @@ def denoiser_settings(denoise: Denoise) -> dict[str, Any]:
     fields = asdict(known) if is_dataclass(known) and not isinstance(known, type) else {}
     name = getattr(known, "__qualname__", type(known).__qualname__)
     return {"denoiser": name, **{f"denoiser_{field}": value for field, value in fields.items()}}
+
+
+def _whole(sinogram: Sinogram, A: Projector) -> Whole:
+    return beyond_image(beyond_fan(corrected_for_bone(sinogram, A), A))
 
 
 def _iterated(

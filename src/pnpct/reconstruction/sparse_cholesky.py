@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import scipy
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
 from torch import Tensor
 
 from pnpct.arrays import Image
@@ -61,7 +61,9 @@ def cholesky(
     return warm_started(inner_iterations, precondition)
 
 
-def inverse_factor(sinogram: Sinogram, A: Projector, beta: float, *, radius: float = RADIUS) -> csc_array:
+def inverse_factor(
+    sinogram: Sinogram, A: Projector, beta: float, *, radius: float = RADIUS
+) -> "scipy.sparse.csc_array":
     """Return the sparse L with L Lᵀ ≈ (AᵀWA + β)⁻¹, rows numbered as pixels, columns from fine to coarse.
 
     Args:
@@ -83,7 +85,7 @@ def inverse_factor(sinogram: Sinogram, A: Projector, beta: float, *, radius: flo
     values = np.empty(pattern.members.size)
     parallel(factorise, columns, packed, beta, pattern.starts, pattern.blocks, values)
     pixels = A.grid.rows * A.grid.cols
-    return csc_array((values, pattern.members, pattern.starts), shape=(pixels, columns))
+    return scipy.sparse.csc_array((values, pattern.members, pattern.starts), shape=(pixels, columns))
 
 
 @dataclass(frozen=True)

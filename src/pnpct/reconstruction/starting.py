@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from itertools import islice
 
 import torch
+from torch.nn import functional
 
 from pnpct.arrays import Image
 from pnpct.denoisers import TotalVariation
@@ -19,6 +20,12 @@ STRENGTH = 1.5
 
 FIRST_ITERATIONS = 5
 """Iterations around total variation before a network sees an image."""
+
+SHARE = 0.6
+"""Of the image around total variation in soft tissue, where plug-and-play begins."""
+
+BONE = (1.1, 1.3)
+"""From where to where the share falls to nothing, relative to water: 100 to 300 HU."""
 
 TOLERANCE = 1e-3
 """Of the proximal map, image: 1 HU."""
@@ -37,20 +44,23 @@ def smooth_state(sinogram: Sinogram, A: Projector) -> ADMMState:
 
 
 def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
-    """Return the state to begin from: half-way between a smooth FBP image and one after iterations around TV.
+    """Return the state to begin from: a smooth FBP image where there is bone, elsewhere mixed with one by TV.
 
     Where hardly a photon arrives, behind metal or in the middle of a large patient, FBP has streaks. The data say too
     little there to take them away again, and networks take them for anatomy. Total variation removes the streaks, and
-    some of the bones; in the mean of both the network finds either. Streaks of metal are too strong for that, and no
-    matter of noise: there it is total variation alone, and more of it.
+    faint detail; in a mixture of both the network finds either. Bones stand out of the noise, and total variation would
+    lower them: they are those of FBP. Streaks of metal are too strong for all that, and no matter of noise: there it is
+    total variation alone, and more of it.
 
     Args:
         sinogram: Line integrals and weights.
         A: The projector.
     """
     smooth = smooth_state(sinogram, A)
-    states = around_total_variation(sinogram, A, smooth, strength=STRENGTH)
-    start = torch.lerp(smooth.v, _after(FIRST_ITERATIONS, states), 1.0 if A.geometry.limited_angle else 0.5)
+    piecewise = _after(FIRST_ITERATIONS, around_total_variation(sinogram, A, smooth, strength=STRENGTH))
+    unseen = A.geometry.limited_angle
+    share = torch.ones_like(piecewise) if unseen else SHARE * (1 - _near_bone(piecewise))
+    start = torch.lerp(smooth.v, piecewise, share)
     metal = (smooth.v > DENSEST).any(dim=A.domain_dims, keepdim=True)
     if bool(metal.any()):
         states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=balanced_sigma_v(sinogram, A))
@@ -80,6 +90,14 @@ def around_total_variation(
     q = sigma_v.square() / noise / 1000
     denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()))
     return pnp_admm(sinogram, A, lambda image: q * denoise(image / q), start, sigma_v=sigma_v)
+
+
+def _near_bone(image: Image) -> Image:
+    """1 at bones and two pixels around them, 0 elsewhere; it rises with the density of bone."""
+    low, high = BONE
+    bone = ((image - low) / (high - low)).clamp(0, 1)
+    slices = bone.reshape(-1, 1, *bone.shape[-2:])
+    return functional.max_pool2d(slices, 5, stride=1, padding=2).reshape(image.shape)
 
 
 def _after(number: int, states: Iterator[ADMMState]) -> Image:

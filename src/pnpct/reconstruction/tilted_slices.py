@@ -44,7 +44,7 @@ def rebin(sinogram: Sinogram, geometry: ConeBeam, planes: Sequence[Plane]) -> Si
         ValueError: If no ray meets a row.
     """
     line_integrals, weights = rebinned(sinogram, geometry, planes)
-    return Sinogram(line_integrals, DiagonalWeights(weights))
+    return Sinogram(line_integrals, DiagonalWeights(weights), sinogram.bone)
 
 
 def rebinned(sinogram: Sinogram, geometry: ConeBeam, planes: Sequence[Plane]) -> tuple[Tensor, Tensor]:

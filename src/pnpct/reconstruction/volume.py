@@ -192,9 +192,10 @@ def _images(
             measured = planes.views_of(block)
             wanted = torch.from_numpy(np.isin(measured, views))
             of_block = rebinned(sinogram_of(block), planes.geometry[measured], stack.planes)
+            bone = sinogram_of(block).bone
             parts.append([values[..., wanted, :] for values in of_block])
         line_integrals, weights = (torch.cat(values, dim=-2) for values in zip(*parts, strict=True))
-        sinogram = Sinogram(line_integrals, DiagonalWeights(weights))
+        sinogram = Sinogram(line_integrals, DiagonalWeights(weights), bone)
         images = method(sinogram, projector(planes.fan(views))).image
         yield from zip(stack.planes, images.unbind(-3), strict=True)
 

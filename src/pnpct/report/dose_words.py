@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from pnpct.comparison import Comparison, DoseShare, LeastReduction, Task
-from pnpct.report.images import labels
 from pnpct.report.marked_numbers import Numbers
-from pnpct.report.task_charts import HOTELLING, spelled_share
+from pnpct.report.results import Results
+from pnpct.report.tasks import HOTELLING, spelled_share
 from pnpct.report.words import spell_exactly
 
 
@@ -41,32 +41,32 @@ class Claim:
         return self.least.equal_dose.share.low > 1.0
 
 
-def dose_statements(comparison: Comparison, numbers: Numbers) -> tuple[Markup, ...]:
+def dose_statements(results: Results) -> tuple[Markup, ...]:
     """Return a sentence for each method: what may be said about dose, for all lesions together.
 
     Only with tasks, an observer, the kernel of the reference, an interval and the control does a sentence speak
     of dose reduction; otherwise it says at which tube currents was measured.
     """
-    methods = [method.name for method in comparison.methods if method.role not in ("control", "baseline")]
-    return tuple(filter(None, (_statement(comparison, numbers, method) for method in methods)))
+    methods = [method for method in results.methods if method not in {*results.controls, results.baseline}]
+    return tuple(filter(None, (_statement(results, method) for method in methods)))
 
 
-def _statement(comparison: Comparison, numbers: Numbers, method: str) -> Markup:
-    tasks = [task for task in comparison.tasks if (task.method, task.observer) == (method, HOTELLING)]
+def _statement(results: Results, method: str) -> Markup:
+    tasks = [task for task in results.comparison.tasks if (task.method, task.observer) == (method, HOTELLING)]
     if not tasks:
         return Markup()
-    claim = _claim(comparison, method, tasks)
+    claim = _claim(results.comparison, method, tasks)
     if claim is None:
         currents = sorted({point.tube_current_ma for task in tasks for point in task.points})
         return Markup(
             "<b>{}</b> was measured at {} mA. Nothing is said about dose: its share or that of the control "
             "is missing for some lesion."
-        ).format(labels(comparison)[method], ", ".join(map(spell_exactly, currents)))
-    return _spoken(comparison, numbers, claim)
+        ).format(results.label(method), ", ".join(map(spell_exactly, currents)))
+    return _spoken(results, claim)
 
 
-def _spoken(comparison: Comparison, numbers: Numbers, claim: Claim) -> Markup:
-    names, least = labels(comparison), claim.least
+def _spoken(results: Results, claim: Claim) -> Markup:
+    numbers, least = results.numbers, claim.least
     if claim.holds:
         verdict = "For these tasks and this observer that is a dose reduction."
     elif claim.costs:
@@ -78,11 +78,11 @@ def _spoken(comparison: Comparison, numbers: Numbers, claim: Claim) -> Markup:
         )
     return Markup(
         "<b>{}</b>: to find every lesion, the least favourable being {}, a {} observer needs {} % of the dose of {} "
-        "(95 % interval {} to {} %); with the control, {}, it needs {} % (95 % interval {} to {} %). {}"
+        "(95 % interval {} to {} %); with {} it needs {} % (95 % interval {} to {} %). {}"
     ).format(
-        *(names[least.method], least.lesion, least.observer),
+        *(results.label(least.method), least.lesion, least.observer),
         *_shares(numbers, claim.place, least.equal_dose),
-        names[claim.control.method],
+        results.label(claim.control.method),
         *_shares(numbers, claim.control_place, claim.control.equal_dose, reference=False),
         verdict,
     )

@@ -5,46 +5,43 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from markupsafe import Markup
 
-from pnpct.comparison import Comparison, read_comparison
+from pnpct.comparison import read_comparison
 from pnpct.files import atomic_path, check_window
-from pnpct.report import curve_charts, header, lesion_charts, task_charts, texture_charts
-from pnpct.report.charts import legend_of
+from pnpct.report import bars, checks, curves, data, tasks
 from pnpct.report.dose_words import dose_statements
 from pnpct.report.environment import environment, text_of
-from pnpct.report.images import FoundImage, checks_of_images, columns, find_images, labels
-from pnpct.report.marked_numbers import Numbers
-from pnpct.report.styles import styles_of
+from pnpct.report.images import FoundImage, checks_of_images, find_images
+from pnpct.report.results import Results
+from pnpct.report.summary import summary
 from pnpct.report.tables import case_tables
-from pnpct.report.viewer import MAPS, PRESETS, pixel_texts, viewer_data
-from pnpct.report.words import title_of, unit_of
+from pnpct.report.viewer import PRESETS, map_titles, pixel_texts, viewer_data
 
 STYLES = ("tokens", "layout", "tables", "viewer", "charts", "print")
 SCRIPTS = (
-    "pixels",
-    "colours",
-    "state",
-    "picture",
-    "marks",
-    "gestures",
-    "keyboard",
-    "controls",
-    "panels",
-    "pair",
-    "details",
-    "profile",
-    "theme",
-    "main",
+    *("pixels", "colours", "state", "picture", "marks", "gestures", "keyboard", "controls", "panels", "pair"),
+    *("details", "profile", "theme", "main"),
 )
+SECTIONS = {
+    "images": "Images",
+    "summary": "Summary",
+    "checks": "Checks",
+    "curves": "Noise, sharpness, detectability",
+    "lesions": "Lesions",
+    "texture": "Texture",
+    "numbers": "Numbers",
+    "data": "Data and methods",
+    "limits": "Limits",
+}
+"""Names of the sections, as they follow each other, and what they are called in the bar."""
 
 
 def write_report(folder: Path, path: Path, *, window: tuple[float, float] = (30.0, 300.0)) -> int:
     """Write what a comparison has found as one HTML page, to be opened from the disk.
 
-    The page shows the numbers of `metrics.json` and none besides; each names its place there. An image that is not
-    the one that was measured fails a check that the page adds.
+    The page shows the numbers of `metrics.json` and none besides; in tables each names its place there. An image that
+    is not the one that was measured fails a check that the page adds.
 
     Args:
         folder: Folder of the comparison.
@@ -60,74 +57,70 @@ def write_report(folder: Path, path: Path, *, window: tuple[float, float] = (30.
         ValueError: If an image has not the size of its case, or the window has no width.
     """
     check_window(window)
-    comparison = read_comparison(folder)
-    images = find_images(folder, comparison)
-    content = _content(comparison, images, window)
-    page = environment().get_template("page.html.j2").render(content)
+    results = Results(read_comparison(folder))
+    images = find_images(folder, results.comparison)
+    changed = checks_of_images(images)
+    content = {**_facts(results, images), **_frame(results, images, window)}
+    page = environment().get_template("page.html.j2").render(content, changed=changed, window=window)
     with atomic_path(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
-    return int(content["counts"]["fail"])
+    return checks.counted([*results.comparison.checks, *changed])["fail"]
 
 
-def _content(comparison: Comparison, images: tuple[FoundImage, ...], window: tuple[float, float]) -> dict[str, Any]:
-    """All that the templates show."""
-    numbers, styles = Numbers(msgspec.to_builtins(comparison)), styles_of(comparison)
-    all_lights = header.lights(comparison, checks_of_images(images), numbers)
-    given = (comparison, numbers, styles)
-    pixels_of_first_case, other_pixels = pixel_texts(images)
+def _facts(results: Results, images: tuple[FoundImage, ...]) -> dict[str, Any]:
+    """What the comparison has found, for the sections; those that have nothing to show are left out."""
+    found: dict[str, Any] = {
+        "method_checks": checks.method_checks(results, checks_of_images(images)),
+        "summary": summary(results),
+        "curve_charts": curves.curve_charts(results),
+        "curve_tables": curves.curve_tables(results),
+        "texture_changes": bars.texture_changes(results),
+        "grey_values": bars.grey_values(results),
+        "lesion_bars": bars.lesion_bars(results),
+        "lesion_tables": bars.lesion_tables(results),
+        "task_charts": tasks.task_charts(results),
+        "task_tables": tasks.task_tables(results),
+        "tasks_left_out": tasks.left_out(results),
+        "equal_dose": tasks.equal_dose_table(results),
+        "dose_statements": dose_statements(results),
+        "number_tables": [
+            table for part in ("fidelity", "texture", "histogram") for table in case_tables(results, part)
+        ],
+        "case_table": data.case_table(results),
+        "method_table": data.method_table(results),
+        "definitions": data.definition_rows(results),
+        "fingerprints": data.fingerprint_tables(results, images),
+    }
+    shown = {
+        "images": results.comparison.cases,
+        "summary": found["summary"].measures,
+        "checks": found["method_checks"],
+        "curves": found["curve_charts"] or found["task_charts"] or found["tasks_left_out"],
+        "lesions": found["lesion_bars"].charts,
+        "texture": found["texture_changes"] or found["grey_values"].charts,
+        "numbers": found["number_tables"],
+    }
+    return {**found, "sections": {name: title for name, title in SECTIONS.items() if shown.get(name, True)}}
+
+
+def _frame(results: Results, images: tuple[FoundImage, ...], window: tuple[float, float]) -> dict[str, Any]:
+    """What holds the page together: styles, scripts, pixels."""
+    first, others = pixel_texts(images)
     script, style_sheet = _script(), _style_sheet()
-    definitions = header.definition_rows(comparison, numbers)
     return {
-        "comparison": comparison,
+        "results": results,
+        "comparison": results.comparison,
+        "numbers": results.numbers,
         "style_sheet": Markup(style_sheet),
         "style_hash": _hash(style_sheet),
         "script": Markup(script),
         "script_hash": _hash(script),
-        "lights": all_lights,
-        "lights_by_name": header.by_name(all_lights),
-        "failures": header.failures(all_lights),
-        "counts": header.counted(all_lights),
-        "case_table": header.case_table(comparison, numbers),
-        "method_table": header.method_table(*given),
-        "numbers": numbers,
-        "hashes": [(keys, value) for keys, value in definitions if keys.split(": ")[-1].endswith("hash")],
-        "definitions": definitions,
-        "fingerprints": header.fingerprint_table(comparison, images),
-        "legend": _legend(comparison, styles),
-        "legend_of": legend_of,
         "presets": PRESETS,
-        "window": window,
-        "maps": _maps(comparison),
-        "viewer_data": viewer_data(comparison, images, styles, window=window),
-        "pixels_of_first_case": pixels_of_first_case,
-        "other_pixels": other_pixels,
-        "curve_charts": curve_charts.curve_charts(*given),
-        "curve_tables": curve_charts.curve_tables(*given),
-        "change_groups": texture_charts.change_groups(*given),
-        "histogram_charts": texture_charts.histogram_charts(*given),
-        "fidelity_tables": case_tables(comparison, numbers, "fidelity", styles),
-        "texture_tables": case_tables(comparison, numbers, "texture", styles),
-        "histogram_tables": case_tables(comparison, numbers, "histogram", styles),
-        "task_charts": task_charts.task_charts(*given),
-        "task_tables": task_charts.task_tables(*given),
-        "equal_dose": task_charts.equal_dose_table(*given),
-        "dose_statements": dose_statements(comparison, numbers),
-        "tasks_left_out": task_charts.left_out(comparison),
-        "lesion_charts": lesion_charts.lesion_charts(*given),
-        "lesion_table": lesion_charts.lesion_table(*given),
+        "maps": map_titles(results.comparison),
+        "viewer_data": viewer_data(results, images, window=window),
+        "pixels_of_first_case": first,
+        "other_pixels": others,
     }
-
-
-def _legend(comparison: Comparison, styles: dict[str, str]) -> list[tuple[str, str]]:
-    """What is drawn somewhere, with the classes of its colour."""
-    shown = {name for case in comparison.cases for name in columns(comparison, case)}
-    return [(label, styles[name]) for name, label in labels(comparison).items() if name in shown]
-
-
-def _maps(comparison: Comparison) -> list[tuple[str, str]]:
-    """The maps that some image has, and what they are called."""
-    names = dict.fromkeys(name for case in comparison.cases for maps in case.maps.values() for name in maps)
-    return [(name, MAPS.get(name, f"{title_of(name)} {unit_of(name)}".strip())) for name in names]
 
 
 def _hash(text: str) -> str:

@@ -1,34 +1,122 @@
-"""Images side by side as a picture for papers and slides, PNG or SVG."""
+"""Images side by side as a figure, for papers, slides and notebooks."""
 
-import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
-from PIL import Image as Picture
-from PIL import ImageDraw, ImageFont
-from PIL.PngImagePlugin import PngInfo
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-from pnpct.comparison import Comparison
-from pnpct.files import Provenance, atomic_path
-from pnpct.report.environment import environment
+from pnpct.arrays import Image
+from pnpct.comparison import Comparison, Detail
+from pnpct.files import Provenance, atomic_path, check_window
 from pnpct.report.images import columns, labels, read_shown
-from pnpct.report.panel_layout import Greys, Label, Layout, PanelRow, Tile, lay_out
+from pnpct.report.words import spell_exactly
+from pnpct.units import to_hu
 
 WINDOW = (30.0, 300.0)
 """Level and width, HU."""
 
-_PLAIN = str.maketrans({"−": "-", "–": "-", "×": "x", "²": "2", "σ": "sigma", "\u202f": " ", "′": "'"})
-"""Pillow's own font lacks these."""
+SIDE, LARGEST = 5.12, 26.0
+"""Width of a panel in inches, at 100 dots each, and the largest letters in points."""
 
-_ANCHORS: dict[str, Literal["lm", "mm", "rm"]] = {"start": "lm", "middle": "mm", "end": "rm"}
+ENLARGED = 3.0
+
+COLOURS = ("#ffd23f", "#5ec8ff", "#ff8fd0", "#8ce99a")
+
+_LOOK: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "text.parse_math": False,
+    "font.sans-serif": ["Helvetica", "Arial", "DejaVu Sans"],
+}
+
+
+@dataclass(frozen=True)
+class PanelRow:
+    """One case: its images beside each other.
+
+    Args:
+        label: What stands beside the row.
+        images: Images of one shape, attenuation relative to water, by the name of their column.
+        details: Squares that are enlarged below each image.
+    """
+
+    label: str
+    images: Mapping[str, Image]
+    details: Sequence[Detail] = ()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of its images."""
+        rows, cols = next(iter(self.images.values())).shape
+        return rows, cols
+
+    @property
+    def enlargement(self) -> float:
+        """How much larger than in the panel a detail is: three times, or less where the details fill the row."""
+        sides = sum(detail.size for detail in self.details)
+        return min(ENLARGED, self.shape[1] / sides) if sides else ENLARGED
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """Height of a panel and of the enlarged details below it, as shares of its width."""
+        largest = max((detail.size for detail in self.details), default=0)
+        return self.shape[0] / self.shape[1], self.enlargement * largest / self.shape[1]
+
+
+class Panels(Figure):
+    """A figure that a notebook shows, whether or not it draws inline."""
+
+    def _repr_png_(self) -> bytes:
+        content = io.BytesIO()
+        self.savefig(content, format="png", dpi=50)
+        return content.getvalue()
+
+
+def draw_panels(rows: Sequence[PanelRow], *, window: tuple[float, float] = WINDOW) -> Panels:
+    """Draw images in rows and columns with their names, boxes around details, these enlarged below, and a scale.
+
+    Args:
+        rows: The cases; a column that a row lacks stays empty.
+        window: Level and width of the window, HU.
+
+    Raises:
+        ValueError: If there is no image, or the window has no width.
+    """
+    if not rows or not all(row.images for row in rows):
+        raise ValueError("A picture of panels needs at least one image in each row, got none.")
+    check_window(window)
+    names = [*dict.fromkeys(name for row in rows for name in row.images)]
+    heights = [max(height, 1e-3) for row in rows for height in row.heights]
+    with mpl.rc_context(_LOOK):
+        figure = Panels(figsize=(SIDE * len(names) + 0.6, SIDE * sum(heights) + 1.6), dpi=100, facecolor="white")
+        space = {"left": 0.6 / figure.get_figwidth(), "right": 1.0, "wspace": 0.02, "hspace": 0.02}
+        space |= {"bottom": 1.0 / figure.get_figheight(), "top": 1 - 0.6 / figure.get_figheight()}
+        grid = figure.add_gridspec(len(heights), len(names), height_ratios=heights, **space)
+        size = min(LARGEST, 0.9 * 72 * SIDE / (0.55 * max(map(len, names))))
+        for number, row in enumerate(rows):
+            for column, name in enumerate(names):
+                panel, below = (figure.add_subplot(grid[2 * number + k, column]) for k in (0, 1))
+                if number == 0:
+                    panel.set_title(name, fontsize=size)
+                if column == 0:
+                    panel.set_ylabel(row.label, fontsize=LARGEST)
+                for axes in (panel, below):
+                    axes.set(xticks=[], yticks=[], frame_on=False)
+                if name in row.images:
+                    _draw(row, row.images[name], panel, below, window)
+        _draw_scale(figure, rows, window)
+    return figure
 
 
 def write_panels(
     path: Path, rows: Sequence[PanelRow], *, provenance: Provenance, window: tuple[float, float] = WINDOW
 ) -> None:
-    """Write images in rows and columns with their names, boxes around details, and these enlarged below.
+    """Write the figure of `draw_panels`.
 
     Args:
         path: Where the picture shall be: .png, or .svg with words and boxes that can be edited.
@@ -40,16 +128,13 @@ def write_panels(
         OSError: If the file cannot be written.
         ValueError: If the suffix is another, there is no image, or the window has no width.
     """
-    if path.suffix.lower() not in (".png", ".svg"):
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in ("png", "svg"):
         raise ValueError(f"Panels are written as .png or .svg, got {path.name}.")
-    layout = lay_out(rows, window=window)
-    with atomic_path(path) as temporary:
-        if path.suffix.lower() == ".png":
-            text = PngInfo()
-            text.add_itxt("Comment", provenance.to_json())
-            _drawn(layout).save(temporary, pnginfo=text)
-        else:
-            temporary.write_text(_written(layout, provenance), encoding="utf-8")
+    figure = draw_panels(rows, window=window)
+    about = {"Comment": provenance.to_json()} if kind == "png" else {"Description": provenance.to_json(), "Date": None}
+    with atomic_path(path) as temporary, mpl.rc_context({**_LOOK, "svg.hashsalt": "panels"}):
+        figure.savefig(temporary, format=kind, metadata=about)
 
 
 def panel_rows(folder: Path, comparison: Comparison) -> tuple[PanelRow, ...]:
@@ -70,46 +155,40 @@ def panel_rows(folder: Path, comparison: Comparison) -> tuple[PanelRow, ...]:
     )
 
 
-def _drawn(layout: Layout) -> Picture.Image:
-    picture = Picture.new("RGB", (round(layout.width), round(layout.height)), "white")
-    pen = ImageDraw.Draw(picture)
-    for tile in layout.tiles:
-        size = round(tile.width), round(tile.height)
-        panel = Picture.fromarray(tile.greys).resize(size, Picture.Resampling.BICUBIC)
-        picture.paste(panel, (round(tile.left), round(tile.top)))
-        if tile.frame:
-            pen.rectangle(_corners(tile), outline=tile.frame, width=2)
-    for box in layout.boxes:
-        corners = (box.left, box.top, box.left + box.side - 1, box.top + box.side - 1)
-        pen.rectangle(corners, outline=box.colour, width=2)
-    for label in layout.labels:
-        _write(picture, label)
-    return picture
+def _draw(row: PanelRow, image: Image, panel: Axes, below: Axes, window: tuple[float, float]) -> None:
+    level, width = window
+    hu = to_hu(image.double()).cpu().numpy()
+    look: dict[str, Any] = {
+        "cmap": "gray",
+        "vmin": level - width / 2,
+        "vmax": level + width / 2,
+        "interpolation": "none",
+    }
+    panel.imshow(hu, **look)
+    left = 0.0
+    for number, detail in enumerate(row.details):
+        colour, side = COLOURS[number % len(COLOURS)], row.enlargement * detail.size / row.shape[1]
+        corner = detail.col - 0.5, detail.row - 0.5
+        panel.add_patch(Rectangle(corner, detail.size, detail.size, fill=False, edgecolor=colour, linewidth=1.5))
+        enlarged = below.inset_axes((left, 0.0, side, 1.0), xticks=[], yticks=[])
+        enlarged.imshow(hu[detail.row : detail.row + detail.size, detail.col : detail.col + detail.size], **look)
+        for spine in enlarged.spines.values():
+            spine.set(edgecolor=colour, linewidth=2)
+        left += side
 
 
-def _corners(tile: Tile) -> tuple[float, float, float, float]:
-    return tile.left, tile.top, tile.left + tile.width - 1, tile.top + tile.height - 1
-
-
-def _write(picture: Picture.Image, label: Label) -> None:
-    font, text = ImageFont.load_default(size=label.size), label.text.translate(_PLAIN)
-    if not label.turned:
-        ImageDraw.Draw(picture).text((label.x, label.y), text, fill="black", font=font, anchor=_ANCHORS[label.anchor])
-        return
-    length, height = round(font.getlength(text)) + 2, round(1.5 * label.size)
-    strip = Picture.new("RGB", (length, height), "white")
-    ImageDraw.Draw(strip).text((length / 2, height / 2), text, fill="black", font=font, anchor="mm")
-    picture.paste(strip.rotate(90, expand=True), (round(label.x - height / 2), round(label.y - length / 2)))
-
-
-def _written(layout: Layout, provenance: Provenance) -> str:
-    template = environment().get_template("panels.svg.j2")
-    tiles = [(tile, _as_data(tile.greys)) for tile in layout.tiles]
-    return template.render(layout=layout, tiles=tiles, provenance=provenance.to_json())
-
-
-def _as_data(greys: Greys) -> str:
-    """A PNG inside a link: no pixel is lost, and the SVG needs no other file."""
-    content = io.BytesIO()
-    Picture.fromarray(greys).save(content, format="PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(content.getvalue()).decode("ascii")
+def _draw_scale(figure: Figure, rows: Sequence[PanelRow], window: tuple[float, float]) -> None:
+    level, width = window
+    shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(level - width / 2, level + width / 2), "gray")
+    place = (0.6 / figure.get_figwidth(), 0.7 / figure.get_figheight())
+    axes = figure.add_axes((*place, SIDE / figure.get_figwidth(), 0.15 / figure.get_figheight()))
+    ends = [level + share * width for share in (-0.5, 0.0, 0.5)]
+    bar = figure.colorbar(shades, cax=axes, orientation="horizontal", ticks=ends)
+    bar.ax.set_xticklabels([f"{spell_exactly(end)} HU" for end in ends], fontsize=18)
+    first, _, last = bar.ax.get_xticklabels()
+    first.set_horizontalalignment("left")
+    last.set_horizontalalignment("right")
+    words = f"window: level {spell_exactly(level)} HU, width {spell_exactly(width)} HU"
+    enlarged = sorted({f"{row.enlargement:.2g}" for row in rows if row.details})
+    words += f"; details enlarged {' or '.join(enlarged)} times" if enlarged else ""
+    axes.text(1.04, 0.5, words, transform=axes.transAxes, va="center", fontsize=18)

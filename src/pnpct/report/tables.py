@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from pnpct.comparison import Comparison
-from pnpct.report.images import labels
 from pnpct.report.marked_numbers import Numbers
+from pnpct.report.results import Results
 from pnpct.report.words import common_decimals, title_of, unit_of
 
 Cell = str
@@ -44,27 +43,25 @@ class Table:
     rows: tuple[Row, ...]
 
 
-def case_tables(comparison: Comparison, numbers: Numbers, part: str, styles: Mapping[str, str]) -> tuple[Table, ...]:
+def case_tables(results: Results, part: str) -> tuple[Table, ...]:
     """Return a table for each case that a part of the comparison has: numbers below each other, methods as columns.
 
     Args:
-        comparison: The comparison.
-        numbers: Its numbers.
+        results: The comparison.
         part: "fidelity" (then with the time that each image took), "texture" or "histogram".
-        styles: Classes of the methods.
     """
-    tables = []
-    for place, case in enumerate(comparison.cases):
-        of_case: Mapping[str, Mapping[str, float | None]] = getattr(comparison, part).get(case.name, {})
-        found = {method: label for method, label in labels(comparison).items() if method in of_case}
+    tables, numbers = [], results.numbers
+    for place, case in enumerate(results.comparison.cases):
+        of_case: Mapping[str, Mapping[str, float | None]] = getattr(results.comparison, part).get(case.name, {})
+        found = {method: label for method, label in results.labels.items() if method in of_case}
         names = dict.fromkeys(name for row in of_case.values() for name in row)
         rows = [_row(numbers, [(part, case.name, method, name) for method in found], name) for name in names]
         if names and part == "fidelity" and any(image.seconds is not None for image in case.images.values()):
             paths = [("cases", place, "images", method, "seconds") for method in found]
             rows.append(replace(_row(numbers, paths, "time_s"), label=TIME))
         if rows:
-            heads = tuple(Head(label, style=styles[method]) for method, label in found.items())
-            tables.append(Table(case.label, heads, tuple(rows)))
+            heads = tuple(Head(label, style=results.styles[method]) for method, label in found.items())
+            tables.append(Table(f"{title_of(part)}: {case.label}", heads, tuple(rows)))
     return tuple(tables)
 
 

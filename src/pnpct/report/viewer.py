@@ -1,13 +1,15 @@
 """What the viewer of a page must know, and the pixels that it shows."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from markupsafe import Markup
 
 from pnpct.comparison import Case, Comparison
-from pnpct.report.images import FoundImage, columns, labels
+from pnpct.report.images import FoundImage
+from pnpct.report.results import Results
+from pnpct.report.words import title_of, unit_of
 
 PRESETS = (
     ("Soft tissue", 30.0, 300.0),
@@ -25,23 +27,26 @@ ENDS = {"t": 8.0}
 """Where the colours of a map end whatever its numbers are; those of others end at the largest number of the case."""
 
 
-def viewer_data(
-    comparison: Comparison, images: Sequence[FoundImage], styles: Mapping[str, str], *, window: tuple[float, float]
-) -> Markup:
+def map_titles(comparison: Comparison) -> list[tuple[str, str]]:
+    """Return the maps that some image has, and what they are called."""
+    names = dict.fromkeys(name for case in comparison.cases for maps in case.maps.values() for name in maps)
+    return [(name, MAPS.get(name, f"{title_of(name)} {unit_of(name)}".strip())) for name in names]
+
+
+def viewer_data(results: Results, images: Sequence[FoundImage], *, window: tuple[float, float]) -> Markup:
     """Return JSON for the viewer that is safe inside an element of a page.
 
     Args:
-        comparison: The comparison.
+        results: The comparison.
         images: Its images, in the order in which their pixels follow.
-        styles: Classes of the methods.
         window: Level and width at first, HU.
     """
     content = {
         "window": window,
         "methods": [
-            {"name": name, "label": label, "style": styles[name]} for name, label in labels(comparison).items()
+            {"name": name, "label": label, "style": results.styles[name]} for name, label in results.labels.items()
         ],
-        "cases": [_case(case, columns(comparison, case), images) for case in comparison.cases],
+        "cases": [_case(case, results.order(case), images) for case in results.comparison.cases],
     }
     # What could end the element or begin another is written as JSON allows.
     safe = json.dumps(content, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")

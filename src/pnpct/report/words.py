@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 _UNITS = {"hu": "HU", "db": "dB", "mm": "mm", "ma": "mA", "kvp": "kVp", "s": "s", "percent": "%"}
 _CAPITALS = {
@@ -103,3 +103,13 @@ def spell(value: float, *, digits: int = 3, decimals: int | None = None, signed:
         text = f"{value:,.0f}".replace(",", "\u202f")
     sign = "+" if signed and value > 0 else ""
     return sign + text.replace("-", "−")
+
+
+def listed(words: Sequence[str]) -> str:
+    """Join words as a sentence does.
+
+    Example:
+        >>> listed(["a", "b", "c"])
+        'a, b and c'
+    """
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))

@@ -7,13 +7,14 @@ from pnpct.simulation.beam import (
     Detector,
     bowtie_thickness,
     effective_mu_water,
+    hardening_correction,
     scanner_beam,
-    water_correction,
 )
 from pnpct.simulation.body import Body
 from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
 from pnpct.simulation.ct_body import CTBody
 from pnpct.simulation.dataset import simulate_dataset
+from pnpct.simulation.example import example_scan
 from pnpct.simulation.lesions import with_lesions
 from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE, low_contrast_phantom
 from pnpct.simulation.materials import MATERIALS, Material, attenuation
@@ -61,9 +62,11 @@ __all__ = [
     "chest_body",
     "clinical_fan_beam",
     "effective_mu_water",
+    "example_scan",
     "expose",
     "fingerprint",
     "from_files",
+    "hardening_correction",
     "head_body",
     "low_contrast_phantom",
     "moments_behind",
@@ -76,6 +79,5 @@ __all__ = [
     "simulate_moments",
     "truth",
     "tube_spectrum",
-    "water_correction",
     "with_lesions",
 ]

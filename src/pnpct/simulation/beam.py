@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 from typing import Literal, TypeAlias
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.geometry import FanBeam
-from pnpct.physics import BeamHardening, fit_water_correction
+from pnpct.physics import BeamHardening, fit_water_correction, with_bone
 from pnpct.simulation.materials import attenuation
 from pnpct.simulation.phantom import relative_attenuation
 from pnpct.simulation.spectrum import tube_spectrum
@@ -123,10 +123,15 @@ def bowtie_thickness(fan_angles: NDArray[np.float64], bowtie: Bowtie = "large") 
     return np.interp(fan_angles, angles, thickness[bowtie])
 
 
-def water_correction(beam: Beam) -> BeamHardening:
-    """Return the correction after which water looks as it does at the effective energy, for paths up to 500 mm."""
-    mu_water = relative_attenuation(("water",), beam.energies)[0]
-    return fit_water_correction(beam.photons * beam.response, mu_water, mu_effective=effective_mu_water(beam))
+@lru_cache(maxsize=8)
+def hardening_correction(beam: Beam) -> BeamHardening:
+    """Return the correction after which water, and with it bone, look as they do at the effective energy of a beam."""
+    materials = ("water", "cortical bone")
+    mu_water, mu_bone = relative_attenuation(materials, beam.energies)
+    of_water, of_bone = relative_attenuation(materials, np.array([beam.effective_energy]))[:, 0].tolist()
+    detected = beam.photons * beam.response
+    water = fit_water_correction(detected, mu_water, mu_effective=of_water)
+    return with_bone(water, detected, mu_water, mu_bone, mu_effective=(of_water, of_bone))
 
 
 def effective_mu_water(beam: Beam) -> float:

@@ -119,9 +119,13 @@ def _scan(folder: Path, recipe: Recipe, station: Station) -> ListedScan:
 def _source(recipe: Recipe, station: Station) -> Source:
     if station.own:
         path = Path(station.source)
-        return from_files(path, size=recipe.size, noise_hu=0.0 if is_phantom(path) else recipe.noise_hu)
-    generator = np.random.default_rng([recipe.seed, station.patient, *station.source.encode()])
-    return procedural_patient(station.source, generator, size=recipe.size)
+        source = from_files(path, size=recipe.size, noise_hu=0.0 if is_phantom(path) else recipe.noise_hu)
+    else:
+        generator = np.random.default_rng([recipe.seed, station.patient, *station.source.encode()])
+        source = procedural_patient(station.source, generator, size=recipe.size)
+    side = source.grid.spacing * recipe.size
+    scale = min(station.scale, max(1.0, 2 * _geometry(recipe).field_of_view_radius / side))
+    return source if scale == 1 else source.resized(scale)
 
 
 def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[dict[float, ExposedSlice]]:

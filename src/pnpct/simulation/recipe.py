@@ -23,6 +23,8 @@ class Recipe:
         anatomies: Which of `ANATOMIES` the procedural patients have, in turn.
         bodies: Paths of CT series and voxelised phantoms, each of them one more patient.
         cases: Number of procedural patients.
+        scale: Least and largest factor by which patients are resized, drawn evenly for each; none becomes larger than
+            the field of view of the scanner.
         stations: Axial scans of each patient, spread over its length.
         rows: Detector rows, each of which gives a slice of 0.625 mm.
         tube_voltages_kvp: Tube voltages of each scan, 70 to 140 kVp.
@@ -42,6 +44,7 @@ class Recipe:
     anatomies: tuple[str, ...] = tuple(ANATOMIES)
     bodies: tuple[str, ...] = ()
     cases: int = 40
+    scale: tuple[float, float] = (1.0, 1.0)
     stations: int = 1
     rows: int = 32
     tube_voltages_kvp: tuple[float, ...] = (80.0, 100.0, 120.0)
@@ -65,6 +68,8 @@ class Recipe:
         for name in ("stations", "rows", "views", "bins", "size"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
+        if not 0.1 <= self.scale[0] <= self.scale[1] <= 10:
+            raise ValueError(f"Patients are resized by rising factors from 0.1 to 10, got {self.scale}.")
         if not self.tube_voltages_kvp or not all(70 <= voltage <= 140 for voltage in self.tube_voltages_kvp):
             raise ValueError("A data set needs tube voltages, each from 70 to 140 kVp.")
         if self.simulator == "catsim" and not set(self.tube_voltages_kvp) <= set(CATSIM_VOLTAGES):
@@ -88,6 +93,7 @@ class Station:
         source: An anatomy, or the path of a body.
         own: Whether the source is the path of a body.
         patient: Index of the patient among those of its source.
+        scale: Factor by which it is resized, unless the field of view ends that.
         share: Where it is scanned: share of the height that can be scanned below the lowest row, 0 to 1.
         split: Training, validation or test, by patient.
     """
@@ -96,6 +102,7 @@ class Station:
     source: str
     own: bool
     patient: int
+    scale: float
     share: float
     split: Split
 
@@ -117,10 +124,11 @@ def plan(recipe: Recipe) -> tuple[Station, ...]:
         draw = np.random.default_rng([recipe.seed, *source.encode()])
         splits = _splits(recipe, len(patients), draw)
         for (name, path, number), split in zip(patients, splits, strict=True):
+            scale = float(np.random.default_rng([recipe.seed, number, *source.encode()]).uniform(*recipe.scale))
             for station in range(recipe.stations):
                 suffix = f"-{station}" if recipe.stations > 1 else ""
                 share = (station + float(draw.uniform())) / recipe.stations
-                stations.append(Station(name + suffix, path, source == _OWN, number, share, split))
+                stations.append(Station(name + suffix, path, source == _OWN, number, scale, share, split))
     return tuple(stations)
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import Exposure, Moments
-from pnpct.simulation.beam import Beam, effective_mu_water, scanner_beam, water_correction
+from pnpct.simulation.beam import Beam, effective_mu_water, hardening_correction, scanner_beam
 from pnpct.simulation.phantom import Phantom, relative_attenuation
 
 SLICE_THICKNESS = 0.625
@@ -254,4 +254,4 @@ def expose(
 
 def as_exposure(moments: Moments, geometry: FanBeam, beam: Beam) -> Exposure:
     """Return moments of a beam, from any simulator, with what a scan needs to know of the beam."""
-    return Exposure(moments, geometry, effective_mu_water(beam), water_correction(beam))
+    return Exposure(moments, geometry, effective_mu_water(beam), hardening_correction(beam))

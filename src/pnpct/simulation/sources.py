@@ -13,6 +13,7 @@ from pnpct.geometry import ImageGrid
 from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.body import Body
 from pnpct.simulation.ct_body import CTBody
+from pnpct.simulation.resized_body import ResizedBody
 from pnpct.simulation.voxel_body import VoxelBody
 
 
@@ -31,6 +32,11 @@ class Source:
     grid: ImageGrid
     height: float
     notes: tuple[str, ...] = ()
+
+    def resized(self, scale: float) -> "Source":
+        """Return it larger by a factor > 0 along all three axes, or smaller, with as many pixels."""
+        grid = replace(self.grid, spacing=scale * self.grid.spacing)
+        return replace(self, body=ResizedBody(self.body, scale), grid=grid, height=scale * self.height)
 
 
 def procedural_patient(anatomy: str, generator: np.random.Generator, *, size: int = 512) -> Source:

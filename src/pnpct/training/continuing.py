@@ -1,7 +1,7 @@
 """How training goes on from an epoch that may come from a damaged file."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -9,22 +9,26 @@ from torch import nn
 
 
 def load_epoch(
-    D: nn.Module, optimizer: torch.optim.Optimizer, weights: Mapping[str, torch.Tensor], state: Mapping[str, Any]
+    networks: Sequence[nn.Module],
+    optimizer: torch.optim.Optimizer,
+    weights: Sequence[Mapping[str, torch.Tensor]],
+    state: Mapping[str, Any],
 ) -> None:
-    """Put a network and its optimizer in the state in which an epoch has left them.
+    """Put networks, and the optimizer, in the state in which an epoch has left them.
 
     Raises:
-        ValueError: If the weights are of another network, or the optimizer's state is not that of its parameters.
+        ValueError: If weights are of another network, or the optimizer's state is not that of its parameters.
     """
     try:
-        D.load_state_dict(weights)
+        for network, of_network in zip(networks, weights, strict=True):
+            network.load_state_dict(of_network)
         optimizer.load_state_dict(copy.deepcopy(dict(state)))  # the optimizer would go on in what it is given
         for group in optimizer.param_groups:
             for parameter in group["params"]:
                 averages = [optimizer.state[parameter][name] for name in ("exp_avg", "exp_avg_sq")]
                 if any(average.shape != parameter.shape or not average.isfinite().all() for average in averages):
                     raise ValueError("averages of other parameters")
-        if not all(parameter.isfinite().all() for parameter in D.parameters()):
+        if not all(parameter.isfinite().all() for network in networks for parameter in network.parameters()):
             raise ValueError("weights are not finite")
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
         raise ValueError(

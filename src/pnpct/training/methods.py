@@ -31,8 +31,9 @@ from pnpct.training.losses import (
     stage_two_loss,
 )
 from pnpct.training.pairs import Pairs
+from pnpct.training.schedule import BATCH, LEARNING_RATE
 from pnpct.training.single_scan import SplitViewPairs
-from pnpct.training.two_stage import BATCH, DECAY, LEARNING_RATE, Epoch, train, two_stage
+from pnpct.training.two_stage import Epoch, train, two_stage
 from pnpct.training.validation import validate
 
 ReferenceName: TypeAlias = Reference | Literal["noise-free"]
@@ -70,8 +71,7 @@ class Schedule:
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
         batch: Batch size, pairs per optimizer step.
         side: Rows and columns of the patches; None takes whole images.
-        learning_rate: Learning rate of Adam in the first epoch.
-        decay: Factor of the learning rate after each epoch, 0 to 1.
+        learning_rate: Highest learning rate of AdamW; it rises to that, then falls to zero.
         micro_batch: Pairs that pass through the network together; None takes one whole image, or all patches of a
             batch.
         bfloat16: Whether networks compute in bfloat16 where that is accurate enough.
@@ -83,7 +83,6 @@ class Schedule:
     batch: int = BATCH
     side: int | None = None
     learning_rate: float = LEARNING_RATE
-    decay: float = DECAY
     micro_batch: int | None = None
     bfloat16: bool = False
     seed: int = 0
@@ -96,7 +95,7 @@ class Schedule:
 
     def _steps(self) -> dict[str, Any]:
         """The options of `train`."""
-        names = ("pairs_per_epoch", "batch", "learning_rate", "decay", "bfloat16")
+        names = ("pairs_per_epoch", "batch", "learning_rate", "bfloat16")
         # Patches are small; whole images fill the memory one by one.
         micro_batch = (1 if self.side is None else self.batch) if self.micro_batch is None else self.micro_batch
         return {**{name: getattr(self, name) for name in names}, "micro_batch": micro_batch}

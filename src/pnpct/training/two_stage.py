@@ -3,11 +3,10 @@
     stage 1   L = L_MSE + λ_SSIM L_SSIM                      between D(v_low) and another v_low
     stage 2   L = L_MSE + λ_tex L_tex + λ_ca L_ca            between D(v_low) and v_high
 
-D is the network, v are images. Both stages use Adam; its learning rate falls by a factor after each epoch.
+D is the network, v are images. In each stage the learning rate of AdamW rises and falls, and D is a running average.
 """
 
 import copy
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
@@ -19,10 +18,10 @@ from pnpct.training.continuing import load_epoch
 from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
 from pnpct.training.pairs import Pair
 from pnpct.training.pairwise import pairwise_losses
+from pnpct.training.schedule import BATCH, LEARNING_RATE, average, check_learning_rate, copied_weights, share_of_rate
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
 NumberedPairs: TypeAlias = Callable[[int], Pair]  # as `Pairs`: the same number is always the same pair
-BATCH, LEARNING_RATE, DECAY = 8, 1e-4, 0.99  # of the paper
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +32,8 @@ class Epoch:
         stage: Which part of the training it belongs to.
         number: Epochs of this stage that are done.
         loss: Mean loss over the pairs of this epoch, while the weights changed.
-        weights: Copy of the network's weights.
+        weights: Copy of the network's weights, which are an average.
+        latest: The weights after the last step.
         optimizer: Copy of the optimizer's state.
     """
 
@@ -41,6 +41,7 @@ class Epoch:
     number: int
     loss: float
     weights: Mapping[str, torch.Tensor]
+    latest: Mapping[str, torch.Tensor]
     optimizer: Mapping[str, Any]
 
 
@@ -87,7 +88,6 @@ def train(
     batch: int = BATCH,
     micro_batch: int = 1,
     learning_rate: float = LEARNING_RATE,
-    decay: float = DECAY,
     bfloat16: bool = False,
     after: Epoch | None = None,
 ) -> Iterator[Epoch]:
@@ -104,8 +104,7 @@ def train(
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
         batch: Pairs of one step of the optimizer, shared out evenly among processes.
         micro_batch: Pairs that pass through the network together, at least 1; more are faster, but take more memory.
-        learning_rate: Learning rate of Adam in the first epoch.
-        decay: Factor of the learning rate after each epoch, 0 to 1.
+        learning_rate: Highest learning rate of AdamW.
         bfloat16: Whether the network computes in bfloat16 where that is accurate enough.
         after: Epoch to continue from.
 
@@ -118,33 +117,33 @@ def train(
         raise ValueError(f"Training cannot have {sizes}; each is at least 1.")
     if pairs_per_epoch % batch or batch % world:
         raise ValueError(f"{pairs_per_epoch} pairs cannot be split into batches of {batch}, or a batch by {world}.")
-    if not (0 < learning_rate < math.inf and 0 < decay <= 1):
-        raise ValueError(f"A learning rate is positive and its decay from 0 to 1, got {learning_rate} and {decay}.")
+    check_learning_rate(learning_rate)
     if after is not None and (after.stage != stage or after.number > epochs):
         raise ValueError(f"Epoch {after.number} of {after.stage} cannot be continued by {epochs} epochs of {stage}.")
-    device = next(D.parameters()).device
-    optimizer = torch.optim.Adam(D.parameters(), lr=learning_rate)
+    latest = copy.deepcopy(D).train()
+    optimizer = torch.optim.AdamW(latest.parameters(), lr=learning_rate)
     if after is not None:
-        load_epoch(D, optimizer, after.weights, after.optimizer)
-    D.train()
+        load_epoch((D, latest), optimizer, (after.weights, after.latest), after.optimizer)
     for number in range(after.number if after else 0, epochs):
-        optimizer.param_groups[0]["lr"] = learning_rate * decay**number
-        total = torch.zeros((), dtype=torch.float64, device=device)
+        total = torch.zeros((), dtype=torch.float64, device=next(D.parameters()).device)
         for first in range(number * pairs_per_epoch, (number + 1) * pairs_per_epoch, batch):
+            rate = learning_rate * share_of_rate(first // batch, epochs * pairs_per_epoch // batch)
+            optimizer.param_groups[0].update(lr=rate)
             optimizer.zero_grad()
             mine = range(first + rank, first + batch, world)
             for part in range(0, len(mine), micro_batch):
-                drawn = [pairs(each) for each in mine[part : part + micro_batch]]
-                of_part = pairwise_losses(D, drawn, loss, bfloat16=bfloat16)
+                of_part = pairwise_losses(
+                    latest, [*map(pairs, mine[part : part + micro_batch])], loss, bfloat16=bfloat16
+                )
                 (of_part.sum() / batch).backward()
                 total += of_part.detach().double().sum()
-            if world > 1:
-                for parameter in D.parameters():
-                    distributed.all_reduce(parameter.grad)
+            for parameter in latest.parameters() if world > 1 else ():
+                distributed.all_reduce(parameter.grad)
             optimizer.step()
+            average(D, latest, first // batch)
         if world > 1:
             distributed.all_reduce(total)
         if not total.isfinite():
             raise ValueError(f"The loss is not finite in epoch {number + 1} of {stage}; lower the learning rate.")
-        weights = {name: value.detach().cpu().clone() for name, value in D.state_dict().items()}
-        yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, weights, copy.deepcopy(optimizer.state_dict()))
+        weights, state = (copied_weights(D), copied_weights(latest)), copy.deepcopy(optimizer.state_dict())
+        yield Epoch(stage, number + 1, float(total) / pairs_per_epoch, *weights, state)

@@ -22,7 +22,6 @@ function setUpControls() {
     loadMaps().catch(complain);
   });
   byId("marks").addEventListener("change", () => update({ marks: byId("marks").checked }));
-  byId("more").open = innerWidth > 700; // there is little room on a phone
   for (const button of document.querySelectorAll("#presets button")) {
     button.addEventListener("click", () => setWindow(Number(button.dataset.level), Number(button.dataset.width)));
   }

@@ -18,7 +18,7 @@ function detailRow([row, col, size], number) {
   const title = document.createElement("h3");
   const list = document.createElement("div");
   section.className = "detail-row";
-  title.textContent = `${number + 1}: ${scene.case.label}, rows ${row} to ${row + size - 1}, columns ${col} to ${col + size - 1}`;
+  title.textContent = `${number + 1}: rows ${row} to ${row + size - 1}, columns ${col} to ${col + size - 1}`;
   for (const name of scene.case.order) {
     const figure = document.createElement("figure");
     const canvas = document.createElement("canvas");

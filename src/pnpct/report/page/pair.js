@@ -48,13 +48,12 @@ function nearDivider(canvas, event) {
   return Math.abs(event.clientX - box.left - state.pair.share * box.width) < 14;
 }
 
-// First FBP against the last method; a choice stays as long as the case has its images.
+// First what is trusted most against the best method; a choice stays as long as the case has its images.
 function choosePair() {
   const { order } = scene.case;
-  const methods = order.filter((name) => name !== "truth" && name !== "reference");
   const pair = { ...state.pair };
   if (!order.includes(pair.a)) pair.a = order[0];
-  if (!order.includes(pair.b)) pair.b = methods.length > 1 ? methods[methods.length - 1] : order[order.length - 1];
+  if (!order.includes(pair.b)) pair.b = order[1] || order[0];
   state.pair = pair;
   for (const side of ["a", "b"]) {
     const select = byId(`pair-${side}`);

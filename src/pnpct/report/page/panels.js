@@ -4,8 +4,7 @@ const panels = new Map(); // by method: { canvas, output, changed }
 
 function buildPanels() {
   const grid = byId("grid");
-  const names = data.methods.map((method) => method.name).filter((name) => data.cases.some((one) => one.order.includes(name)));
-  for (const name of names) {
+  for (const name of new Set(data.cases.flatMap((one) => one.order))) {
     const figure = document.createElement("figure");
     const canvas = document.createElement("canvas");
     const caption = document.createElement("figcaption");
@@ -29,6 +28,9 @@ function drawPanels() {
   for (const [name, { figure, canvas, label, output }] of panels) {
     figure.hidden = !scene.images[name];
     if (figure.hidden) continue;
+    const place = scene.case.order.indexOf(name);
+    figure.style.order = place;
+    figure.classList.toggle("large", place < 2); // what is trusted most, and the best method
     drawMarks(canvas, drawPicture(canvas, name));
     canvas.setAttribute("aria-label", `${labelOf[name]}, ${scene.case.label}, ${modeText(name)}`);
     output.textContent = state.cursor ? readoutOf(name) : "";

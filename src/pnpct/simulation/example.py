@@ -1,0 +1,52 @@
+"""A scan to begin with."""
+
+import numpy as np
+import torch
+
+from pnpct.arrays import Image
+from pnpct.geometry import ImageGrid
+from pnpct.physics import Scan
+from pnpct.simulation.beam import scanner_beam
+from pnpct.simulation.phantom import truth
+from pnpct.simulation.scanner import clinical_fan_beam, expose
+from pnpct.simulation.sources import procedural_patient
+
+
+def example_scan(
+    anatomy: str = "chest",
+    *,
+    size: int = 256,
+    views: int = 492,
+    bins: int = 450,
+    tube_current_ma: float = 40.0,
+    seed: int = 0,
+) -> tuple[Scan, Image, ImageGrid]:
+    """Simulate a low-dose scan of a slice of a procedural patient, as `pnpct simulate scan` does.
+
+    Args:
+        anatomy: Body region, one of `ANATOMIES`.
+        size: Rows and columns of the truth.
+        views: Views per rotation.
+        bins: Detector cells along the arc.
+        tube_current_ma: Tube current, mA, at a rotation time of one second.
+        seed: Seed of the patient and of the noise.
+
+    Returns:
+        The scan, the truth relative to water, and the pixels of the truth.
+
+    Raises:
+        ValueError: If there is no such anatomy, or a number is out of range.
+
+    Example:
+        >>> scan, image, grid = example_scan(size=32, views=24, bins=40)
+        >>> scan.counts.shape, image.shape
+        (torch.Size([24, 40]), torch.Size([32, 32]))
+    """
+    source = procedural_patient(anatomy, np.random.default_rng(seed), size=size)
+    grid = source.grid
+    geometry = clinical_fan_beam(views=views, bins=bins)
+    beam = scanner_beam(geometry)
+    phantom = source.body.slice(source.height, ImageGrid(2 * grid.rows, 2 * grid.cols, grid.spacing / 2))
+    exposure = expose(phantom, geometry, beam)
+    scan = exposure.scan(tube_current_ma=tube_current_ma, generator=torch.Generator().manual_seed(seed))
+    return scan, truth(phantom, grid, energy=beam.effective_energy), grid

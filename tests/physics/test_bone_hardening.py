@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+import torch
+
+from pnpct.physics import BeamHardening, BoneHardening
+from pnpct.simulation import clinical_fan_beam, hardening_correction, relative_attenuation, scanner_beam
+
+BEAM = scanner_beam(clinical_fan_beam(views=2, bins=5))
+OF_WATER, OF_BONE = relative_attenuation(("water", "cortical bone"), BEAM.energies)
+WATER, BONE = relative_attenuation(("water", "cortical bone"), np.array([BEAM.effective_energy]))[:, 0].tolist()
+
+
+@pytest.fixture(scope="module")
+def hardening() -> BeamHardening:
+    return hardening_correction(BEAM)
+
+
+@pytest.fixture(scope="module")
+def bone(hardening: BeamHardening) -> BoneHardening:
+    assert hardening.bone is not None
+    return hardening.bone
+
+
+def measured(water_mm: torch.Tensor, bone_mm: torch.Tensor) -> torch.Tensor:
+    """What each bin measures behind water and bone: (paths, bins)."""
+    detected = BEAM.photons * BEAM.response
+    passed = torch.exp(-water_mm[:, None] * OF_WATER - bone_mm[:, None] * OF_BONE)
+    return -((passed @ detected.T) / detected.sum(-1)).log()
+
+
+def test_bone_and_water_look_as_with_one_energy(hardening: BeamHardening, bone: BoneHardening) -> None:
+    water_mm = torch.linspace(0, 350, 8, dtype=torch.float64).repeat(6)
+    bone_mm = torch.linspace(0, 50, 6, dtype=torch.float64).repeat_interleave(8)
+    p, q = hardening.correct(measured(water_mm, bone_mm)), (BONE * bone_mm)[:, None].expand(-1, 5)
+    wanted = (WATER * water_mm + BONE * bone_mm)[:, None].expand(-1, 5)
+    assert (p - wanted).abs().max() > 0.15
+    torch.testing.assert_close(p + bone.lacking(p, q), wanted, rtol=0, atol=0.02)
+
+
+def test_without_bone_nothing_changes(bone: BoneHardening) -> None:
+    p = torch.linspace(0, 8, 10)[:, None].expand(-1, 5)
+    assert not bone.lacking(p, torch.zeros_like(p)).any()
+    assert not bone.slope(p, torch.zeros_like(p)).any()
+
+
+def test_the_slope_is_that_of_finite_differences(bone: BoneHardening) -> None:
+    p = torch.linspace(0.1, 8, 10, dtype=torch.float64)[:, None].expand(-1, 5)
+    q = torch.linspace(0, 2, 5, dtype=torch.float64).expand(10, 5)
+    difference = bone.lacking(p + 1e-4, q) - bone.lacking(p - 1e-4, q)
+    torch.testing.assert_close(bone.slope(p, q), difference / 2e-4, rtol=1e-6, atol=1e-9)
+
+
+def test_bone_is_compact_bone_mixed_with_water(bone: BoneHardening) -> None:
+    shares = torch.tensor([[0.0, 0.5, 1.0]])
+    image = 1 + shares * (bone.compact - 1)
+    torch.testing.assert_close(bone.in_image(image, image), shares * bone.compact)
+    denser = torch.full((1, 1), 1.5 * bone.compact)
+    torch.testing.assert_close(bone.in_image(denser, denser), denser)
+    assert not bone.in_image(torch.tensor([[-0.2, 0.3, 1.1]]), torch.ones(1, 3)).any()
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "compact", "message"),
+    [
+        (torch.zeros(1, 5), 2.5, "6 coefficients"),
+        (torch.full((1, 6), float("nan")), 2.5, "NaN or infinite"),
+        (torch.zeros(1, 6), 0.9, "1 to 10 times"),
+    ],
+)
+def test_what_cannot_be_is_refused(coefficients: torch.Tensor, compact: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        BoneHardening(coefficients, compact)
+
+
+def test_both_corrections_are_for_the_same_bins() -> None:
+    with pytest.raises(ValueError, match="for 3 bins, that for water for 2"):
+        BeamHardening(torch.tensor([[1.0, 0.0]] * 2), BoneHardening(torch.zeros(3, 6), 2.5))
