@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -58,20 +59,27 @@ def kill(words, folder: Path, number: int, files: int):
     return process.returncode, err
 
 
+def times(folder: Path) -> set[tuple[str, int]]:
+    """Files and when they were written; one that goes meanwhile is none."""
+    found = set()
+    for path in folder.rglob("*"):
+        with suppress(FileNotFoundError):
+            found.add((str(path), path.stat().st_mtime_ns))
+    return found
+
+
 def kill_often(words: Callable[[Path], list], whole: Path, killed: Path, same: Callable[[Path, Path], None]):
-    """Kill a command at moments of chance, and compare each time it comes to its end."""
-    chance, kills = random.Random(1), 0
-    began = time.monotonic()
+    """Kill a command at moments of chance after it has written something, and compare each time that it ends."""
+    chance, kills, ends = random.Random(1), 0, 1
     finish(words(whole))
-    seconds = time.monotonic() - began
     while kills < KILLS:
         killed.mkdir(exist_ok=True)
-        number = chance.choice(SIGNALS)
+        before, number = times(killed), chance.choice(SIGNALS)
         with start(words(killed)) as process:
-            try:
-                process.wait(chance.uniform(0.3, 1.0) * seconds)
-            except subprocess.TimeoutExpired:
-                process.send_signal(number)
+            while process.poll() is None and times(killed) == before:
+                time.sleep(0.01)
+            time.sleep(chance.uniform(0.0, 1.0))
+            process.send_signal(number)
             _, err = process.communicate(timeout=120)
         if process.returncode:
             check_end(number, process.returncode, err)
@@ -79,8 +87,10 @@ def kill_often(words: Callable[[Path], list], whole: Path, killed: Path, same: C
         else:
             same(whole, killed)
             shutil.rmtree(killed)
+            ends += 1
     finish(words(killed))
     same(whole, killed)
+    print(f"{kills} kills, {ends} ends")
 
 
 def same_data_set(whole: Path, killed: Path):
