@@ -148,7 +148,7 @@ def test_a_training_is_resumed(number, dataset, tmp_path):
 
 @pytest.mark.slow
 def test_a_training_is_resumed_whenever_it_was_killed(dataset, tmp_path):
-    words = ["train", dataset, *TRAIN.split(), "--cache", tmp_path / "examples", "--size", "red-cnn"]
+    words = ["train", dataset, *TRAIN.split(), "--cache", tmp_path / "examples"]
     (tmp_path / "whole").mkdir()
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     kill_often(lambda folder: [*words, folder / "net.safetensors"], whole, killed, same_training)
