@@ -81,7 +81,8 @@ def kill_often(words: Callable[[Path], list], whole: Path, killed: Path, same: C
             time.sleep(chance.uniform(0.0, 1.0))
             process.send_signal(number)
             _, err = process.communicate(timeout=120)
-        if process.returncode:
+        leaving = number != signal.SIGKILL and process.returncode == -number  # Python is, after the command has ended
+        if process.returncode and not leaving:
             check_end(number, process.returncode, err)
             kills += 1
         else:

@@ -84,7 +84,8 @@ def test_both_corrections_are_for_the_same_bins() -> None:
 def test_each_process_fits_the_same_to_the_last_bit() -> None:
     """LAPACK behind PyTorch rounds with the place in memory: a data set that is resumed would not be the same."""
     program = (
-        "from pnpct.simulation import *; fit = hardening_correction(scanner_beam(clinical_fan_beam(views=2, bins=120)));"
+        "from pnpct.simulation import *; beam = scanner_beam(clinical_fan_beam(views=2, bins=120));"
+        "fit = hardening_correction(beam);"
         "print(fit.coefficients.numpy().tobytes().hex(), fit.bone.coefficients.numpy().tobytes().hex())"
     )
     fits = {subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout for _ in range(5)}
