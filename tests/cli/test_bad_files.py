@@ -51,6 +51,7 @@ IMPORTING = [
     Case("mu_water in 1/cm", ARRAYS + " --mu-water 0.19", "0.19/mm usual 1/cm --insist"),
     Case("negative noise", ARRAYS + " --electronic-noise -1", "electronic_noise not negative -1"),
     Case("a quantum of 0", ARRAYS + " --signal-per-quantum 0", "signal_per_quantum positive"),
+    Case("a quantum of next to nothing", ARRAYS + " --signal-per-quantum 1e-307", "counts of up to got inf"),
     Case(
         "a correction for other bins",
         ARRAYS + " --beam-hardening {here}/bad.npy",

@@ -2,10 +2,14 @@
 
 import json
 import os
+import random
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,6 +20,8 @@ DATASET = "--anatomy head --cases 3 --stations 2 --rows 2 --views 60 --bins 120 
 TRAIN = "--epochs 3 --fine-tuning-epochs 2 --pairs-per-epoch 2 --batch 2"
 COMPARE = "--iterations 1 --tv-strength 0 --lesion-hu 0 --phantom-repeats 0 --tube-currents-ma 50"
 SIGNALS = [signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL]
+KILLS = int(os.environ.get("PNPCT_KILLS", "4"))
+"""At any moment, of each command."""
 
 
 def start(words):
@@ -53,6 +59,61 @@ def kill(words, folder: Path, number: int, files: int):
     return process.returncode, err
 
 
+def times(folder: Path) -> set[tuple[str, int]]:
+    """Files and when they were written; one that goes meanwhile is none."""
+    found = set()
+    for path in folder.rglob("*"):
+        with suppress(FileNotFoundError):
+            found.add((str(path), path.stat().st_mtime_ns))
+    return found
+
+
+def kill_often(words: Callable[[Path], list], whole: Path, killed: Path, same: Callable[[Path, Path], None]):
+    """Kill a command at moments of chance after it has written something, and compare each time that it ends."""
+    chance, kills, ends = random.Random(1), 0, 1
+    finish(words(whole))
+    while kills < KILLS:
+        killed.mkdir(exist_ok=True)
+        before, number = times(killed), chance.choice(SIGNALS)
+        with start(words(killed)) as process:
+            while process.poll() is None and times(killed) == before:
+                time.sleep(0.01)
+            time.sleep(chance.uniform(0.0, 1.0))
+            process.send_signal(number)
+            _, err = process.communicate(timeout=120)
+        leaving = number != signal.SIGKILL and process.returncode == -number  # Python is, after the command has ended
+        if process.returncode and not leaving:
+            check_end(number, process.returncode, err)
+            kills += 1
+        else:
+            same(whole, killed)
+            shutil.rmtree(killed)
+            ends += 1
+    finish(words(killed))
+    same(whole, killed)
+    print(f"{kills} kills, {ends} ends")
+
+
+def same_data_set(whole: Path, killed: Path):
+    made, resumed = contents(whole), contents(killed)
+    assert made.keys() == resumed.keys()
+    assert {name for name in made if made[name] != resumed[name]} <= {"manifest.json.json"}
+
+
+def same_training(whole: Path, killed: Path):
+    made, resumed = contents(whole), contents(killed)
+    assert made.keys() == resumed.keys()
+    assert made["net.safetensors"] == resumed["net.safetensors"]
+
+
+def same_comparison(whole: Path, killed: Path):
+    made, resumed = contents(whole), contents(killed)
+    assert made.keys() == resumed.keys()
+    numbers = [json.loads(each["metrics.json"]) for each in (made, resumed)]
+    for name in ("fidelity", "texture", "histogram"):
+        assert numbers[0][name] == numbers[1][name]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("number", SIGNALS)
 def test_a_data_set_is_resumed(number, tmp_path):
@@ -64,9 +125,13 @@ def test_a_data_set_is_resumed(number, tmp_path):
     if number != signal.SIGKILL:
         assert not [name for name in contents(killed) if Path(name).name.startswith(".")]
     finish([*words, killed])
-    made, resumed = contents(whole), contents(killed)
-    assert made.keys() == resumed.keys()
-    assert {name for name in made if made[name] != resumed[name]} <= {"manifest.json.json"}
+    same_data_set(whole, killed)
+
+
+@pytest.mark.slow
+def test_a_data_set_is_resumed_whenever_it_was_killed(tmp_path):
+    words = ["simulate", "dataset", *DATASET.split(), "--processes", 2]
+    kill_often(lambda folder: [*words, folder], tmp_path / "whole", tmp_path / "killed", same_data_set)
 
 
 @pytest.mark.slow
@@ -79,25 +144,38 @@ def test_a_training_is_resumed(number, dataset, tmp_path):
     finish([*words, whole])
     check_end(number, *kill([*words, killed], killed.parent, number, 2))
     finish([*words, killed])
-    assert whole.read_bytes() == killed.read_bytes()
-    assert contents(whole.parent).keys() == contents(killed.parent).keys()
+    same_training(whole.parent, killed.parent)
+
+
+@pytest.mark.slow
+def test_a_training_is_resumed_whenever_it_was_killed(dataset, tmp_path):
+    words = ["train", dataset, *TRAIN.split(), "--cache", tmp_path / "examples"]
+    (tmp_path / "whole").mkdir()
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    kill_often(lambda folder: [*words, folder / "net.safetensors"], whole, killed, same_training)
+    assert not list((tmp_path / "examples").rglob(".*"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_a_comparison_is_resumed(number, dataset, tmp_path):
-    exposures = sorted(dataset.rglob("*.h5"))[:3]
-    words = [*exposures, *COMPARE.split(), "--processes", 2]
+    words = comparing(dataset)
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    finish(["compare", whole, *words])
+    finish(words(whole))
     for files in (2, 7):
-        check_end(number, *kill(["compare", killed, *words], killed, number, files))
-    finish(["compare", killed, *words])
-    made, resumed = contents(whole), contents(killed)
-    assert made.keys() == resumed.keys()
-    numbers = [json.loads(each["metrics.json"]) for each in (made, resumed)]
-    for name in ("fidelity", "texture", "histogram"):
-        assert numbers[0][name] == numbers[1][name]
+        check_end(number, *kill(words(killed), killed, number, files))
+    finish(words(killed))
+    same_comparison(whole, killed)
+
+
+@pytest.mark.slow
+def test_a_comparison_is_resumed_whenever_it_was_killed(dataset, tmp_path):
+    kill_often(comparing(dataset), tmp_path / "whole", tmp_path / "killed", same_comparison)
+
+
+def comparing(dataset: Path) -> Callable[[Path], list]:
+    exposures = sorted(dataset.rglob("*.h5"))[:3]
+    return lambda folder: ["compare", folder, *exposures, *COMPARE.split(), "--processes", 2]
 
 
 def check_end(number, status, err):

@@ -255,10 +255,16 @@ def test_a_truncated_file_is_one_sentence(tmp_path, generator, suffix, kept):
     [
         np.diag([1.0, 2.0, 1.0, 1.0]),
         np.array([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+        np.diag([1.0, 0.0, 1.0, 1.0]),
+        np.diag([1e-30, 1.0, 1.0, 1.0]),
     ],
 )
-def test_other_pixels_of_nifti_are_refused(tmp_path, affine):
-    nib.save(nib.Nifti1Image(np.zeros((4, 4, 1), np.float32), affine), tmp_path / "image.nii")
+@pytest.mark.parametrize("shape", [(4, 4), (4, 4, 1), (4, 4, 3)])
+def test_other_pixels_of_nifti_are_refused(tmp_path, affine, shape):
+    image = nib.Nifti1Image(np.zeros(shape, np.float32), np.eye(4))
+    image.set_qform(None, code=0)
+    image.set_sform(affine, code=1)
+    nib.save(image, tmp_path / "image.nii")
     with pytest.raises(FileFormatError, match="square pixels along the patient's axes were needed"):
         read_image(tmp_path / "image.nii")
 

@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+from mat_files import of_version_5, of_version_7_3
 from scipy.io import savemat
 
 from pnpct.files import FileFormatError, load_array, read_geometry, scan_from_arrays
@@ -32,31 +33,9 @@ SAME = {
 }
 
 
-def of_version_5(path, parameters=PARAMETERS):
-    savemat(
-        path, {"CtDataLimited": {"type": "2D", "sinogram": SINOGRAM, "parameters": parameters}}, do_compression=True
-    )
-
-
-def of_version_7_3(path, parameters=PARAMETERS):
-    """As MATLAB lays it out: a block before, groups for structures, arrays transposed, texts as numbers."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        scan = file.create_group("CtDataLimited")
-        scan.attrs["MATLAB_class"] = np.bytes_("struct")
-        scan["sinogram"] = SINOGRAM.T
-        for name, value in parameters.items():
-            text = isinstance(value, str)
-            data = np.array([list(value.encode())], np.uint16) if text else np.atleast_2d(value).astype(float)
-            scan.create_dataset(f"parameters/{name}", data=data.T)
-            scan[f"parameters/{name}"].attrs["MATLAB_class"] = np.bytes_("char" if text else "double")
-        file.create_group("#refs#")["a"] = np.ones((9, 9))
-    with path.open("r+b") as stream:
-        stream.write(b"MATLAB 7.3 MAT-file".ljust(512, b"\0"))
-
-
 @pytest.fixture(params=[of_version_5, of_version_7_3])
 def path(request, tmp_path):
-    request.param(tmp_path / "scan.mat")
+    request.param(tmp_path / "scan.mat", SINOGRAM, PARAMETERS)
     return tmp_path / "scan.mat"
 
 
@@ -66,6 +45,14 @@ def test_arrays_have_matlabs_shapes_and_names(path):
     assert load_array(f"{path}:CtDataLimited.parameters.angles").shape == (1, VIEWS)
     with pytest.raises(FileFormatError, match=r"has no array sino; it has CtDataLimited\.\S*,"):
         load_array(f"{path}:sino")
+
+
+@pytest.mark.parametrize("odd", [np.zeros((3, 3)), h5py.Empty("f4"), "char"])
+def test_another_word_for_the_class_does_not_matter(tmp_path, odd):
+    of_version_7_3(tmp_path / "scan.mat", SINOGRAM, PARAMETERS)
+    with h5py.File(tmp_path / "scan.mat", "r+") as file:
+        file["CtDataLimited/sinogram"].attrs["MATLAB_class"] = odd
+    assert np.array_equal(load_array(tmp_path / "scan.mat"), SINOGRAM)
 
 
 def test_the_file_is_its_own_geometry(path):
@@ -79,7 +66,8 @@ def test_the_file_is_its_own_geometry(path):
 
 
 def test_a_file_that_says_too_little_is_refused(tmp_path):
-    of_version_5(tmp_path / "cone.mat", {key: PARAMETERS[key] for key in PARAMETERS if key != "numDetectorsPost"})
+    known = {key: PARAMETERS[key] for key in PARAMETERS if key != "numDetectorsPost"}
+    of_version_5(tmp_path / "cone.mat", SINOGRAM, known)
     with pytest.raises(FileFormatError, match=r"cone.mat: a fan beam of HelTomo needs numDetectorsPost"):
         read_geometry(tmp_path / "cone.mat")
     savemat(tmp_path / "plain.mat", {"sinogram": SINOGRAM})

@@ -67,9 +67,16 @@ def test_line_integrals_need_no_counts_for_fbp(line_integrals, incident):
 
 
 @pytest.mark.parametrize("incident", [10.0, 100.0])
-def test_counts_that_the_noise_denies_are_refused(line_integrals, incident):
-    with pytest.raises(ValueError, match=r"far less noise than .* leave incident out"):
-        scan_from_arrays(line_integrals, GEOMETRY, incident=incident, mu_water=MU)
+def test_counts_that_the_noise_denies_are_scaled_to_it(line_integrals, incident):
+    given = incident * np.linspace(0.5, 1.5, GEOMETRY["bins"])
+    made = import_arrays(line_integrals, GEOMETRY, incident=given, mu_water=MU)
+    assert hu_of(made.scan)[0] == pytest.approx(RIGHT, abs=5)
+    assert [sentence in note for sentence, note in zip(["far less noise", "were assumed"], made.notes, strict=True)]
+    ratio = made.scan.incident.numpy() / given
+    assert ratio == pytest.approx(ratio.mean(), rel=1e-6)
+    insisted = import_arrays(line_integrals, GEOMETRY, incident=given, mu_water=MU, insist=True)
+    assert insisted.scan.incident.numpy() == pytest.approx(given)
+    assert insisted.notes == ()
 
 
 @pytest.mark.parametrize("incident", [300.0, 1e5])

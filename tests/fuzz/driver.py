@@ -18,8 +18,10 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Iterable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import Any
 
 import torch
 from mutations import of_bytes, of_place
@@ -40,20 +42,22 @@ def say_blocked(*_: object) -> None:
     raise Blocked
 
 
-def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, list[str]]:
-    """Damage a copy of a reader's files, run its command, and return what was done and what was wrong."""
+def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, int | None, list[str]]:
+    """Damage a copy of a reader's files, run its command, and return what was done, the status, and what was wrong."""
     chance = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="fuzz") as name:
         here = Path(name)
         for each in reader.files:
             source = made / each
             (shutil.copytree if source.is_dir() else shutil.copy)(source, here / each)
-        target = here / chance.choice(reader.damaged)
+        damaged = chance.choice(reader.damaged)
+        target = here / damaged
         if target.is_dir():
             target = chance.choice(sorted(path for path in target.rglob("*") if path.is_file()))
         mutate = chance.choice((of_bytes, of_place, *reader.mutations[target.suffix] * 6))
         said = f"{target.relative_to(here)}: {mutate(target, chance)}"
-        words = [word.format(here=here, made=made) for word in chance.choice(reader.commands).split()]
+        commands = [command for command in reader.commands if f"/{damaged}" in command] or reader.commands
+        words = [word.format(here=here, made=made) for word in chance.choice(commands).split()]
         (here / "out").mkdir()
         before = listed(here)
         out, err = io.StringIO(), io.StringIO()
@@ -63,9 +67,9 @@ def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, list[str]]:
             with redirect_stdout(out), redirect_stderr(err):
                 status = main(words)
         except Blocked:
-            return said, [f"it did not end in {BLOCKED_AFTER} s"]
+            return said, None, [f"it did not end in {BLOCKED_AFTER} s"]
         except BaseException:  # what is sought
-            return said, [traceback.format_exc(limit=-6)]
+            return said, None, [traceback.format_exc(limit=-6)]
         finally:
             signal.alarm(0)
         seconds, complaint = time.process_time() - began, err.getvalue()
@@ -89,7 +93,7 @@ def run_one(reader: Reader, made: Path, seed: str) -> tuple[str, list[str]]:
             wrong.append(f"left behind: {new}")
         if any(Path(path).name.startswith(".") for path in new):
             wrong.append(f"temporary files: {new}")
-        return said, wrong
+        return said, status, wrong
 
 
 FOREIGN = (
@@ -118,12 +122,11 @@ def limit_memory() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (pages * os.sysconf("SC_PAGE_SIZE") + MEMORY, resource.RLIM_INFINITY))
 
 
-def run(made: Path, mutations: int, seed: int, names: list[str]) -> dict[str, object]:
-    """Run all readers and return figures, by reader."""
-    torch.set_num_threads(1)
+def run(made: Path, mutations: int, seed: int, names: Iterable[str]) -> dict[str, Any]:
+    """Run readers and return figures, by reader."""
     signal.signal(signal.SIGALRM, say_blocked)
-    figures: dict[str, object] = {}
-    for name in names or list(READERS):
+    figures: dict[str, Any] = {}
+    for name in names:
         reader = READERS[name]
         for command in reader.commands:  # undamaged, so that what is compiled and cached is so before the clock runs
             with tempfile.TemporaryDirectory() as here, redirect_stdout(io.StringIO()):
@@ -132,17 +135,21 @@ def run(made: Path, mutations: int, seed: int, names: list[str]) -> dict[str, ob
                     (shutil.copytree if (made / each).is_dir() else shutil.copy)(made / each, Path(here) / each)
                 if status := main([word.format(here=here, made=made) for word in command.split()]):
                     raise SystemExit(f"{name} fails undamaged with {status}")
-        if sys.platform == "linux" and not figures:
+        if __name__ == "__main__" and sys.platform == "linux" and not figures:
             limit_memory()
+        ended = {0: 0, 2: 0}
         found = []
         for number in range(mutations):
-            said, wrong = run_one(reader, made, f"{name} {seed} {number}")
+            said, status, wrong = run_one(reader, made, f"{name} {seed} {number}")
             if wrong:
                 found.append({"number": number, "said": said, "wrong": wrong})
-        figures[name] = {"mutations": mutations, "wrong": found}
+            else:
+                ended[status] += 1
+        figures[name] = {"mutations": mutations, "refused": ended[2], "read": ended[0], "wrong": found}
     return figures
 
 
 if __name__ == "__main__":
     folder, mutations, seed, *names = sys.argv[1:]
-    sys.stdout.write(json.dumps(run(Path(folder), int(mutations), int(seed), names), indent=1))
+    torch.set_num_threads(1)
+    sys.stdout.write(json.dumps(run(Path(folder), int(mutations), int(seed), names or READERS), indent=1))

@@ -82,10 +82,10 @@ def of_json(path: Path, chance: random.Random) -> str:
 
 def change_value(content: Any, chance: random.Random) -> str:
     """Change one value somewhere in dictionaries and lists, in place."""
-    places = list(_places(content))
-    if not places:
+    found = list(places(content))
+    if not found:
         return "nothing to change"
-    where, key = chance.choice(places)
+    where, key = chance.choice(found)
     how = chance.choice(("replace", "replace", "replace", "remove", "rename", "repeat"))
     if how == "replace":
         where[key] = value = chance.choice(VALUES)
@@ -98,12 +98,13 @@ def change_value(content: Any, chance: random.Random) -> str:
     return f"{how} {key}"
 
 
-def _places(content: Any) -> Any:
+def places(content: Any) -> Any:
+    """Yield every dictionary or list with each of its keys."""
     entries = list(content.items()) if isinstance(content, dict) else list(enumerate(content))
     for key, value in entries[:200]:
         yield content, key
         if isinstance(value, dict | list):
-            yield from _places(value)
+            yield from places(value)
 
 
 def of_text(path: Path, chance: random.Random) -> str:
@@ -184,46 +185,6 @@ def _change_object(file: h5py.File, name: str, chance: random.Random) -> str:
     return f"{name} becomes {how}"
 
 
-def of_npz(path: Path, chance: random.Random) -> str:
-    """Change a member of a .npz file, or the only array of a .npy file."""
-    if path.suffix == ".npy":
-        np.save(path, odd_array(np.load(path), chance), allow_pickle=True)
-        return "another array"
-    arrays = dict(np.load(path))
-    name = chance.choice(list(arrays))
-    how = chance.choice(("array", "array", "array", "remove", "foreign", "empty archive"))
-    if how == "array":
-        arrays[name] = odd_array(arrays[name], chance)
-    elif how != "foreign":
-        arrays = {} if how == "empty archive" else {other: each for other, each in arrays.items() if other != name}
-    np.savez(path, **arrays)
-    if how == "foreign":
-        with zipfile.ZipFile(path, "a") as archive:
-            archive.writestr(chance.choice(("notes.txt", "x.npy", "../x.npy")), b"words")
-    return f"{how} {name}"
-
-
-def odd_array(array: np.ndarray, chance: random.Random) -> Any:
-    """Another array in the place of one."""
-    flat = np.asarray(array, float)
-    return chance.choice(
-        (
-            *(np.full(flat.shape, value) for value in (np.nan, np.inf, 0.0, -1.0, 1e300, 1e-300, 1e5)),
-            *(
-                flat.T,
-                flat[None],
-                flat.ravel(),
-                np.zeros((0, *flat.shape[1:])),
-                flat.astype(complex),
-                flat > 0,
-                flat.astype("<U8"),
-                flat * 1e6,
-            ),
-            np.array(["a", None], dtype=object),
-        )
-    )
-
-
 def of_zip(path: Path, chance: random.Random) -> str:
     """Change the description in an archive, or take away, repeat or rename a member."""
     with zipfile.ZipFile(path) as archive:
@@ -277,14 +238,6 @@ def of_torch(path: Path, chance: random.Random) -> str:
     said = change_value(content, chance)
     torch.save(content, path)
     return said
-
-
-def of_raw(path: Path, chance: random.Random) -> str:
-    """Put odd numbers in a raw file."""
-    values = np.fromfile(path, "<f4")
-    odd = odd_array(values, chance)
-    np.asarray(odd if odd.dtype.kind == "f" else values, "<f4").tofile(path)
-    return "other numbers"
 
 
 def of_words(path: Path, chance: random.Random) -> str:

@@ -2,17 +2,22 @@
 
 import json
 import shutil
+import sys
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
+import array_mutations
 import h5py
 import mutations
 import numpy as np
 from ct_pd_views import write_folder
+from dicom_images import dicom
+from mat_files import of_version_5, of_version_7_3
 from mutations import Mutate
+from small_comparison import make_comparison
 
 from pnpct.cli import main
 from pnpct.files import FractionMap, write_xcist_phantom
@@ -24,6 +29,53 @@ SCAN = f"--views {VIEWS} --bins {BINS} --size {SIZE}"
 
 GEOMETRY = {"source_to_isocenter_mm": 541, "source_to_detector_mm": 949, "bins": BINS, "bin_width_mm": 30.7}
 GEOMETRY |= {"detector_offset_bins": 0.25, "views": VIEWS}
+
+TURN = np.linspace(0.0, 2 * np.pi, VIEWS, endpoint=False)
+PEERS: Mapping[str, Mapping[str, object]] = {
+    "astra": {
+        "type": "fanflat",
+        "DetectorWidth": 30.7,
+        "DetectorCount": BINS,
+        "ProjectionAngles": TURN.tolist(),
+        "DistanceOriginSource": 541,
+        "DistanceOriginDetector": 408,
+    },
+    "vectors": {
+        "type": "fanflat_vec",
+        "DetectorCount": BINS,
+        "Vectors": [
+            [541 * s, -541 * c, -408 * s, 408 * c, 30.7 * c, 30.7 * s]
+            for s, c in zip(np.sin(TURN).tolist(), np.cos(TURN).tolist(), strict=True)
+        ],
+    },
+    "odl": {"src_radius": 541, "det_radius": 408, "angles": TURN.tolist(), "dpart": [-450, 471, BINS]},
+    "tigre": {
+        "DSO": 541,
+        "DSD": 949,
+        "nDetector": [1, BINS],
+        "dDetector": [1, 30.7],
+        "angles": TURN.tolist(),
+        "offDetector": [0, 8],
+        "COR": 1,
+    },
+    "leap": {
+        "sod": 541,
+        "sdd": 949,
+        "numCols": BINS,
+        "pixelWidth": 30.7,
+        "centerCol": 14.75,
+        "phis": np.degrees(TURN).tolist(),
+        "tau": 1,
+    },
+}
+HELTOMO = {
+    "projectName": "head",
+    "distanceSourceOrigin": 541.0,
+    "distanceSourceDetector": 949.0,
+    "numDetectorsPost": BINS,
+    "pixelSizePost": 30.7,
+    "angles": np.degrees(TURN),
+}
 
 CONFIGURATION = f"""scanner.sid = 541.0
 scanner.sdd = 949.0
@@ -60,16 +112,17 @@ class Reader:
 OF = {
     ".h5": (mutations.of_hdf5,),
     ".json": (mutations.of_json, mutations.of_words),
-    ".npy": (mutations.of_npz,),
-    ".npz": (mutations.of_npz,),
+    ".npy": (array_mutations.of_npz,),
+    ".npz": (array_mutations.of_npz,),
+    ".mat": (array_mutations.of_mat,),
     ".cfg": (mutations.of_text,),
-    ".scan": (mutations.of_raw,),
-    ".air": (mutations.of_raw,),
+    ".scan": (array_mutations.of_raw,),
+    ".air": (array_mutations.of_raw,),
     ".dcm": (mutations.of_dicom,),
     ".zip": (mutations.of_zip,),
     ".training": (mutations.of_torch,),
     ".safetensors": (mutations.of_words, mutations.of_bytes),
-    ".density_0": (mutations.of_raw,),
+    ".density_0": (array_mutations.of_raw,),
     ".nii": (mutations.of_bytes,),
     ".gz": (mutations.of_bytes,),
 }
@@ -98,6 +151,16 @@ READERS = {
         "counts.npy incident.npy all.npz geometry.json",
         ARRAYS + " --incident {here}/incident.npy",
         ARRAYS.replace("counts.npy", "all.npz:counts") + " --incident {here}/all.npz:incident",
+    ),
+    "peers": reader(
+        "counts.npy " + " ".join(f"{name}.json" for name in PEERS),
+        *(ARRAYS.replace("geometry", name) + " --incident {made}/incident.npy" for name in PEERS),
+        damaged=" ".join(f"{name}.json" for name in PEERS),
+    ),
+    "mat": reader(
+        "scan.mat scan73.mat",
+        "import arrays {here}/scan.mat {here}/scan.mat {here}/out/s.h5",
+        "import arrays {here}/scan73.mat {here}/scan73.mat {here}/out/s.h5",
     ),
     "catsim": reader(
         "raw.scan raw.air raw.cfg",
@@ -132,28 +195,44 @@ READERS = {
 }
 
 
-def make(folder: Path, comparison: Callable[[Path], object], dicom: Callable[..., object]) -> None:
-    """Fill a folder with good files of every reader."""
+QUICK = [name for name in READERS if name not in ("exposures", "manifest", "training", "network", "comparison")]
+"""Readers whose files take no training to make."""
 
-    def run(words: str) -> None:
-        if main([word.format(made=folder, here=folder) for word in words.split()]):
-            raise RuntimeError(words)
 
-    run("simulate scan {made}/scan.h5 --anatomy head " + SCAN)
-    for name in ("image.h5", "image.nii", "image.nii.gz"):
-        run("reconstruct {made}/scan.h5 {made}/" + name + " --method fbp")
+def make_trained(folder: Path) -> None:
+    """Add the files of readers that are not `QUICK`, which others than those make."""
     recipe = Recipe(("head",), cases=3, rows=1, tube_voltages_kvp=(120.0,), views=VIEWS, bins=BINS, size=SIZE)
     with patch(
         "pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: (function(*call) for call in calls)
     ):
         list(simulate_dataset(folder / "set", recipe))
     shutil.copy(next((folder / "set" / "train").glob("*.h5")), folder / "slice.h5")
+    done(folder, "train {made}/set {made}/n.safetensors --size red-cnn " + TRAIN)
+    (folder / "comparison").mkdir()
+    make_comparison(folder / "comparison")
+
+
+def done(folder: Path, words: str) -> None:
+    """Run a command that must succeed."""
+    if main([word.format(made=folder, here=folder) for word in words.split()]):
+        raise RuntimeError(words)
+
+
+def make(folder: Path) -> None:
+    """Fill a folder with good files of the readers that are `QUICK`."""
+    done(folder, "simulate scan {made}/scan.h5 --anatomy head " + SCAN)
+    for name in ("image.h5", "image.nii", "image.nii.gz"):
+        done(folder, "reconstruct {made}/scan.h5 {made}/" + name + " --method fbp")
     with h5py.File(folder / "scan.h5") as file:
         counts, incident = file["counts"][()], file["incident"][()]
     np.save(folder / "counts.npy", counts)
     np.save(folder / "incident.npy", incident)
     np.savez(folder / "all.npz", counts=counts, incident=incident)
-    (folder / "geometry.json").write_text(json.dumps(GEOMETRY))
+    for name, content in {"geometry": GEOMETRY, **PEERS}.items():
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    line_integrals = -np.log(counts.clip(1) / incident)
+    of_version_5(folder / "scan.mat", line_integrals, HELTOMO)
+    of_version_7_3(folder / "scan73.mat", line_integrals, HELTOMO)
     (folder / "raw.cfg").write_text(CONFIGURATION)
     (counts * 1200).astype("<f4").tofile(folder / "raw.scan")
     np.broadcast_to(incident * 1200, BINS).astype("<f4").tofile(folder / "raw.air")
@@ -171,6 +250,8 @@ def make(folder: Path, comparison: Callable[[Path], object], dicom: Callable[...
     with zipfile.ZipFile(folder / "phantom.zip", "w") as archive:
         for name in ("phantom.json", "phantom.density_0"):
             archive.write(folder / name, name)
-    run("train {made}/set {made}/n.safetensors --size red-cnn " + TRAIN)
-    (folder / "comparison").mkdir()
-    comparison(folder / "comparison")
+
+
+if __name__ == "__main__":
+    make(Path(sys.argv[1]))
+    make_trained(Path(sys.argv[1]))

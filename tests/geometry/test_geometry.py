@@ -75,6 +75,8 @@ def test_impossible_fans_are_refused(geometry: FanBeam, change, words):
         ((0, 4, 1.0), "got 0 x 4"),
         ((4, 4, 0.0), "positive length in mm, got 0.0"),
         ((4, 4, 1.0, (float("nan"), 0.0)), r"\(x, y\) in mm"),
+        ((4, 4, 1e308), "within 1 km of the isocentre, got 4 x 4 pixels of 1e\\+308 mm"),
+        ((4, 4, 1.0, (0.0, -1e300)), "within 1 km of the isocentre"),
     ],
 )
 def test_impossible_grids_are_refused(arguments, words):
@@ -100,6 +102,8 @@ def test_slices_lie_around_the_height_of_their_volume():
         ((0, 1.0, 0.0), "at least one slice, got 0"),
         ((1, 0.0, 0.0), "positive length in mm, got 0.0"),
         ((1, 1.0, math.inf), "finite length in mm, got inf"),
+        ((3, 1e308, 0.0), "within 1 km of the isocentre, got 3 slices"),
+        ((1, 1.0, 1e300), "within 1 km of the isocentre"),
     ],
 )
 def test_impossible_volumes_are_refused(numbers, words):

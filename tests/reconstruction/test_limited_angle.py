@@ -11,8 +11,17 @@ from pnpct.denoisers import TotalVariation
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
-from pnpct.reconstruction import ADMMState, fbp, mean_diagonal, pnp_admm, reconstruct, solver_by_name
-from pnpct.reconstruction.fourier import _angle_is_limited, fourier_preconditioner
+from pnpct.reconstruction import (
+    ADMMState,
+    fbp,
+    mean_diagonal,
+    pnp_admm,
+    reconstruct,
+    solver_by_name,
+    starting_state,
+)
+from pnpct.reconstruction.fourier import fourier_preconditioner
+from pnpct.reconstruction.starting import smooth_state
 
 SCANNER = FanBeam((0.0,), 90, source_to_isocenter=410.66, source_to_detector=553.74, bin_width=1.24, detector="flat")
 GRID = ImageGrid(32, 32, spacing=2.5)
@@ -47,7 +56,7 @@ def test_the_preconditioner_makes_no_direction_larger_than_the_measured_ones(deg
 @pytest.mark.parametrize(("degrees", "limited"), [(360, False), (220, False), (180, False), (150, True), (30, True)])
 def test_the_views_alone_say_whether_the_angle_is_limited(degrees, limited):
     """The sign of the spectrum does not: with pixels smaller than the bins a full rotation has negative values too."""
-    assert _angle_is_limited(replace(SCANNER, view_angles=[math.radians(view) for view in range(degrees)])) is limited
+    assert replace(SCANNER, view_angles=[math.radians(view) for view in range(degrees)]).limited_angle is limited
 
 
 @pytest.mark.parametrize("degrees", [30, 90])
@@ -59,6 +68,16 @@ def test_all_solvers_arrive_at_the_same_image(degrees):
         for solver in (solver_by_name("fourier", inner_iterations=60), solver_by_name("dense-cholesky"))
     ]
     assert 1000 * float((images[0] - images[1]).square().mean().sqrt()) < 1.0
+
+
+@pytest.mark.parametrize("degrees", [20, 30, 60])
+def test_it_begins_without_streaks_that_no_data_take_away(degrees):
+    """FBP of such a scan has them in the directions that no view has seen."""
+    sinogram, A = limited(degrees)
+    assert float(fbp(sinogram.line_integrals, A, kernel="soft").min()) < -2.5
+    begun = starting_state(sinogram, A).v
+    assert -0.8 < float(begun.min()) < float(begun.max()) < 1.5
+    assert not smooth_state(sinogram, A).v.any()
 
 
 @pytest.mark.parametrize("denoise", [lambda image: 4 * image, lambda image: image / 0], ids=["growing", "not finite"])

@@ -88,7 +88,9 @@ def run(words: Sequence[str]) -> None:
         command, rest = _find(words)
         from pnpct.cli.parsing import parse
 
-        parse(class_of(command), rest, program=f"pnpct {command}").run(["pnpct", *words])
+        asked = parse(class_of(command), rest, program=f"pnpct {command}")
+        with import_module("numpy").errstate(over="ignore"):  # what becomes infinite is refused where a value is born
+            asked.run(["pnpct", *words])
 
 
 def class_of(command: str) -> Any:

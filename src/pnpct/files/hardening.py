@@ -1,7 +1,10 @@
 """Beam-hardening corrections in HDF5: a dataset for water and, where it is known, one for bone."""
 
 import h5py
+from jaxtyping import Float
+from torch import Tensor
 
+from pnpct.files.errors import FileFormatError
 from pnpct.files.hdf5 import number_of, read_array
 from pnpct.physics import BeamHardening, BoneHardening
 
@@ -22,12 +25,22 @@ def read_hardening(group: h5py.Group, *, water: str, bone: str) -> BeamHardening
     """Read a correction; None where there is none.
 
     Raises:
-        FileFormatError: If it is incomplete.
+        FileFormatError: If it is incomplete, or an array has another shape.
         ValueError: If it cannot be one.
     """
     if water not in group:
         return None
     of_bone = None
     if bone in group:
-        of_bone = BoneHardening(read_array(group, bone), compact=number_of(group[bone], "compact_bone"))
-    return BeamHardening(read_array(group, water), of_bone)
+        of_bone = BoneHardening(_rows(group, bone), compact=number_of(group[bone], "compact_bone"))
+    return BeamHardening(_rows(group, water), of_bone)
+
+
+def _rows(group: h5py.Group, name: str) -> Float[Tensor, "bins coefficients"]:
+    values = read_array(group, name)
+    if values.ndim != 2:
+        raise FileFormatError(
+            f"{group.name}/{name} must hold one row of coefficients per bin, or one for all, got the shape "
+            f"{tuple(values.shape)}."
+        )
+    return values

@@ -166,7 +166,8 @@ def tidy_hu(values: NDArray[Any]) -> NDArray[np.int16] | NDArray[np.float32]:
     """
     int16 = np.iinfo(np.int16)
     fits = values.dtype.kind in "iu" and int16.min <= int(values.min()) and int(values.max()) <= int16.max
-    tidy: Any = values.astype(np.int16 if fits else np.float32)
+    with np.errstate(over="ignore"):  # what becomes infinite is refused where a series is born
+        tidy: Any = values.astype(np.int16 if fits else np.float32)
     tidy[tidy < LOWEST_HU] = AIR_HU
     result: NDArray[np.int16] | NDArray[np.float32] = tidy
     return result

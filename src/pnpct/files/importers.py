@@ -88,7 +88,8 @@ def import_arrays(
             exceeds 2, they are taken for transmissions counts/incident.
         incident: Counts expected without an object: one number, or an array of shape (bins,), (views, 1) or
             (views, bins), in the array's order. Where they are not known, or at most 2, the incident counts of line
-            integrals and of transmissions are estimated from the noise; FBP does not depend on them.
+            integrals and of transmissions are estimated from the noise, and so where they would have far more noise
+            than there is; FBP does not depend on them.
         mask: 0 where a ray was not measured, of the same shapes; None if all were.
         electronic_noise: Standard deviation of the electronic noise in a count, quanta.
         mu_water: Attenuation of water at the scan's effective energy, 1/mm.
@@ -104,8 +105,7 @@ def import_arrays(
     Raises:
         OSError: If a file is not there or cannot be read.
         FileFormatError: If a file is incomplete or not what it should be; wrong keys are named.
-        ValueError: If shapes do not fit, values are infinite, out of range or unusual, or line integrals have far less
-            noise than their incident counts.
+        ValueError: If shapes do not fit, or values are infinite, out of range or unusual.
     """
     written = read_geometry(geometry)
     shape, name = written.geometry.shape, "The array" if isinstance(array, np.ndarray) else str(array)
@@ -113,7 +113,9 @@ def import_arrays(
     _check_shape(values.shape, shape, name)
     given = None if incident is None else incident_of(incident, shape, signal_per_quantum)
     measured = measured_rays(values, given, mask, shape)
-    counts, quanta, notes = quanta_of(values, given, measured, kind, name=name, per_quantum=signal_per_quantum)
+    counts, quanta, notes = quanta_of(
+        values, given, measured, kind, name=name, per_quantum=signal_per_quantum, insist=insist
+    )
     used = np.broadcast_to(measured, counts.shape).reshape(-1, shape[1])
     total = np.where(used, counts.reshape(used.shape), 0.0).sum(axis=0)
     dead = dead_cells(total, used.sum(axis=0), electronic_noise)

@@ -85,6 +85,7 @@ def _in_group(name: str, group: h5py.Group) -> Iterator[tuple[str, NDArray[Any]]
         item = group.get(key)
         if isinstance(item, h5py.Group) and not key.startswith("#") and item != group:
             yield from _in_group(f"{name}{key}.", item)
-        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and item.attrs.get("MATLAB_class") != _TEXT:
+        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub":
             check_stored(item)
-            yield name + key, np.asarray(item[()]).T
+            if not np.array_equal(item.attrs.get("MATLAB_class", b""), _TEXT):
+                yield name + key, np.asarray(item[()]).T

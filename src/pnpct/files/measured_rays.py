@@ -48,7 +48,8 @@ def loaded(array: PathLike | Array, *, nan: bool = False) -> NDArray[np.float64]
     real = values.dtype.kind in ("fiub" if nan else "fiu")
     if not real or (np.isinf(values) if nan else ~np.isfinite(values)).any():
         raise ValueError(f"Arrays of a scan must hold finite real numbers, got {values.dtype} of {values.shape}.")
-    return values.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a NaN may be one that signals
+        return values.astype(np.float64)
 
 
 def incident_of(incident: float | PathLike | Array, shape: tuple[int, int], per_quantum: float) -> Array:
@@ -84,9 +85,13 @@ def measured_rays(
 
 
 def quanta_of(
-    values: Array, given: Array | None, measured: Array, kind: Kind, *, name: str, per_quantum: float
+    values: Array, given: Array | None, measured: Array, kind: Kind, *, name: str, per_quantum: float, insist: bool
 ) -> tuple[Array, Array, list[str]]:
-    """Return counts and incident counts in quanta, and what was assumed; counts are any where not measured."""
+    """Return counts and incident counts in quanta, and what was assumed; counts are any where not measured.
+
+    Incident counts whose noise would be far more than there is, with few counts in the darkest ray, are scaled to what
+    the noise says, unless the user insists.
+    """
     known, notes = values[..., measured], []
     unknown = given is None or float(given.max()) <= _LARGEST_TRANSMISSION
     if kind == "line-integrals":
@@ -100,16 +105,19 @@ def quanta_of(
         notes = [f"The largest count is {known.max():.4g}: the counts were taken for transmissions, counts/incident."]
     estimate = estimate_incident(np.where(measured, -np.log(transmissions.clip(_LEAST_TRANSMISSION)), np.nan))
     if given is None or unknown:
-        seen = "estimated from the noise" if estimate < MOST_QUANTA else "assumed, since no noise can be seen"
-        notes.append(f"{estimate:.3g} incident quanta were {seen}; weights depend on them, FBP does not.")
-        return estimate * transmissions, np.asarray(estimate), notes
-    counts, usual = given * transmissions, float(np.median(given[given > 0]))
-    if (least := float(counts[..., measured].min())) < _ENOUGH_COUNTS and estimate > _LESS_NOISE * usual:
-        raise ValueError(
+        used = np.asarray(estimate)
+    else:
+        usual, least = float(np.median(given[given > 0])), float((given * transmissions)[..., measured].min())
+        if insist or least >= _ENOUGH_COUNTS or estimate <= _LESS_NOISE * usual:
+            return given * transmissions, given, notes
+        used = given * (estimate / usual)
+        notes.append(
             f"{name} has far less noise than {usual:.4g} incident quanta have, of which {least:.2g} would arrive in "
-            f"the darkest ray; leave incident out, and it is estimated from the noise (about {estimate:.2g})."
+            "the darkest ray; they were not used (--insist uses them)."
         )
-    return counts, given, notes
+    seen = "estimated from the noise" if estimate < MOST_QUANTA else "assumed, since no noise can be seen"
+    notes.append(f"{estimate:.3g} incident quanta were {seen}; weights depend on them, FBP does not.")
+    return used * transmissions, used, notes
 
 
 def said_of(measured: Array, dead: Array) -> Iterator[str]:

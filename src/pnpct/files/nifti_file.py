@@ -121,7 +121,7 @@ def _silent_nibabel() -> Iterator[None]:
 def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
     """Read voxels in the order RAS+, their affine, how many axes the file has for them, and whether it is pnpct's.
 
-    More axes than three, where they are not of one time, come as they are.
+    More axes than three, where they are not of one time, come as they are, and axes that have no direction too.
     """
     nib_: Any = nib  # which has no types here
     nifti = nib_.load(path)
@@ -129,7 +129,10 @@ def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64]
     own = bytes(np.asarray(nifti.header.get("descrip", b"")).item()).startswith(b"pnpct")
     if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:
         return voxels, affine, voxels.ndim, own
-    if voxels.ndim == 2:
+    axes, voxels = min(voxels.ndim, 3), voxels.reshape((*voxels.shape, 1)[:3])
+    if axes == 2:
         affine[:3, 2] = np.cross(affine[:3, 0], affine[:3, 1])  # whatever the header says of an axis that is not there
-    turned = nib_.as_closest_canonical(nib_.Nifti1Image(voxels.reshape((*voxels.shape, 1)[:3]), affine))
-    return np.asarray(turned.dataobj), np.asarray(turned.affine), min(voxels.ndim, 3), own
+    if np.isnan(nib_.io_orientation(affine)).any():  # an axis that leads nowhere
+        return voxels, affine, axes, own
+    turned = nib_.as_closest_canonical(nib_.Nifti1Image(voxels, affine))
+    return np.asarray(turned.dataobj), np.asarray(turned.affine), axes, own

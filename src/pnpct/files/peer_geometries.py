@@ -29,6 +29,7 @@ _Read = Callable[..., _Values]
 HELTOMO = {"distanceSourceOrigin", "distanceSourceDetector", "numDetectorsPost", "pixelSizePost", "angles"}
 """What a HelTomo file says of the geometry, among its parameters."""
 
+_LARGEST = 1e9  # of lengths in mm and angles, whose squares are added
 _SAME = 1e-6  # of a length: what rounding leaves of an equality
 
 
@@ -68,9 +69,11 @@ def _numbers(value: Any, key: str, shape: tuple[int | None, ...], folder: Path |
     except ValueError:  # rows of unequal length
         array = np.asarray(None)
     fits = array.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, array.shape, strict=True))
-    if array.dtype.kind not in "iuf" or not fits or not np.all(np.abs(array.astype(np.float64)) < 1e300):
+    if array.dtype.kind not in "iuf" or not fits or not np.all(np.abs(array.astype(np.float64)) < _LARGEST):
         wanted = " x ".join("any" if side is None else str(side) for side in shape)
-        raise FileFormatError(f"{key} must be {wanted + ' ' if shape else 'one '}finite number(s), got {shown(value)}.")
+        raise FileFormatError(
+            f"{key} must be {wanted if shape else 'one'} finite number(s) below {_LARGEST:g}, got {shown(value)}."
+        )
     return array.astype(np.float64)
 
 

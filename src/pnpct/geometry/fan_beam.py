@@ -14,6 +14,9 @@ from pnpct.geometry.detector import Detector
 from pnpct.geometry.image_grid import ImageGrid
 from pnpct.geometry.trajectory import Trajectory, Views, short_repr
 
+LIMITED = math.radians(12.0)
+"""Views leave directions unmeasured if neighbouring ones, opposite views taken for the same, are farther apart."""
+
 
 @dataclass(frozen=True)
 class FanBeam:
@@ -137,6 +140,12 @@ class FanBeam:
     def field_of_view_radius(self) -> float:
         """Radius of the circle about the isocentre that the wider side of the fan reaches, mm."""
         return self.cone_beam.field_of_view_radius
+
+    @property
+    def limited_angle(self) -> bool:
+        """Whether the views leave directions unmeasured."""
+        directions = np.sort(np.mod(self.view_angles, math.pi))
+        return bool(np.diff(directions, append=directions[0] + math.pi).max() > LIMITED)
 
     def grid(self, size: int = DEFAULT_SIZE) -> ImageGrid:
         """Return square pixels over the field of view of the fan, as `ConeBeam.grid` does."""

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+FARTHEST = 1e6
+"""Of a pixel from the isocentre, mm: what lies farther is a damaged number."""
+
 
 @dataclass(frozen=True)
 class ImageGrid:
@@ -18,7 +21,7 @@ class ImageGrid:
         center: Position (x, y) of the middle of the grid relative to the isocentre, mm.
 
     Raises:
-        ValueError: If a size or the spacing is not positive, or a number is not finite.
+        ValueError: If a size or the spacing is not positive, or a pixel more than a kilometre away.
 
     Example:
         >>> grid = ImageGrid(2, 4, spacing=0.5)
@@ -38,6 +41,8 @@ class ImageGrid:
             raise ValueError(f"The pixel spacing must be a positive length in mm, got {self.spacing}.")
         if len(self.center) != 2 or not all(map(math.isfinite, self.center)):
             raise ValueError(f"The centre of an image is (x, y) in mm, got {self.center}.")
+        if self.radius > FARTHEST:
+            raise ValueError(f"An image must lie within 1 km of the isocentre, got {self} around {self.center} mm.")
 
     def __str__(self) -> str:
         return f"{self.rows} x {self.cols} pixels of {self.spacing:.4g} mm"

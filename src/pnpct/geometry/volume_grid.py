@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pnpct.geometry.image_grid import ImageGrid
+from pnpct.geometry.image_grid import FARTHEST, ImageGrid
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class VolumeGrid:
         z: Height of the middle of the stack, mm, growing towards the head.
 
     Raises:
-        ValueError: If there is no slice, the spacing is not positive, or a number is not finite.
+        ValueError: If there is no slice, the spacing is not positive, or a slice more than a kilometre away.
 
     Example:
         >>> grid = VolumeGrid(ImageGrid(64, 64, spacing=0.8), slices=4, slice_spacing=2.5, z=10.0)
@@ -41,6 +41,8 @@ class VolumeGrid:
             raise ValueError(f"The distance between slices must be a positive length in mm, got {self.slice_spacing}.")
         if not math.isfinite(self.z):
             raise ValueError(f"The height of a volume must be a finite length in mm, got {self.z}.")
+        if abs(self.z) + self.slices * self.slice_spacing / 2 > FARTHEST:
+            raise ValueError(f"A volume must lie within 1 km of the isocentre, got {self} around z = {self.z:g} mm.")
 
     def __str__(self) -> str:
         number = f"{self.slices} slices {self.slice_spacing:.4g} mm apart" if self.slices > 1 else "1 slice"

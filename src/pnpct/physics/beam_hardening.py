@@ -148,15 +148,10 @@ def fit_water_correction(
     if not bool((spectrum.isfinite() & (spectrum >= 0)).all() and (spectrum.sum(-1) > 0).all()):
         raise ValueError("A detected spectrum must be finite and not negative, and every bin must detect something.")
     lengths = np.linspace(0.0, longest, 201)[1:]
-    share = spectrum.cpu().numpy() / spectrum.sum(-1, keepdim=True).cpu().numpy()
-    paths = lengths[:, None] * mu_water.double().cpu().numpy()
-    least = paths.min(axis=1, keepdims=True)
-    # The least attenuated energy is taken out of the exponent, so that a metre of water does not underflow.
-    measured = least[:, 0] - np.log((share[:, None] * np.exp(least - paths)).sum(axis=-1))
-    largest = measured[:, -1:]
+    measured = _measured(spectrum.cpu().numpy(), lengths[:, None] * mu_water.double().cpu().numpy()).T
     powers = np.arange(order, 0, -1)
-    fitted = _least_squares((measured / largest)[..., None] ** powers, mu_effective * lengths) / largest**powers
-    coefficients = np.concatenate([fitted, np.zeros_like(largest)], axis=-1)
+    fitted = _least_squares(measured[..., None] ** powers, np.broadcast_to(mu_effective * lengths, measured.shape))
+    coefficients = np.concatenate([fitted, np.zeros_like(fitted[:, :1])], axis=-1)
     return BeamHardening(torch.from_numpy(coefficients).to(spectrum.device))
 
 
@@ -184,26 +179,17 @@ def with_bone(
     """
     if not all(math.isfinite(number) and number > 0 for number in (*mu_effective, *longest)):
         raise ValueError(f"Attenuations and paths must be positive and finite, got {mu_effective} and {longest}.")
-    lengths = [torch.linspace(0.0, most, 21, dtype=torch.float64) for most in longest]
-    of_water, of_bone = (path.flatten() for path in torch.meshgrid(*lengths, indexing="ij"))
-    spectrum = detected_spectrum.double().cpu()
-    paths = of_water[:, None] * mu_water.double().cpu() + of_bone[:, None] * mu_bone.double().cpu()
-    measured = spectrum.sum(-1).log() - torch.logsumexp(spectrum.log() - paths[:, None], dim=-1)
-    p, q = water.correct(measured), (mu_effective[1] * of_bone[:, None]).expand_as(measured)
-    lacking = mu_effective[0] * of_water[:, None] + q - p
-    powers = torch.stack([q, q * p, q * q, q * p * p, q * p * q, q * q * q], dim=-1)
-    coefficients = _least_squares(powers.transpose(0, 1).numpy(), lacking.T.numpy())
-    bone = BoneHardening(torch.from_numpy(coefficients), compact=mu_effective[1] / mu_effective[0])
-    return replace(water, bone=bone)
-
-
-def _least_squares(terms: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Coefficients of the terms, of each bin, that are closest to the values."""
-    # numpy, because the libraries behind PyTorch round differently with the place of an array in memory.
-    orthogonal, triangle = np.linalg.qr(terms)
-    projected = (orthogonal * values[..., None]).sum(axis=1)
-    coefficients: NDArray[np.float64] = np.linalg.solve(triangle, projected[..., None])[..., 0]
-    return coefficients
+    # numpy, as in the fit for water.
+    lengths = np.meshgrid(*(np.linspace(0.0, most, 21) for most in longest), indexing="ij")
+    of_water, of_bone = (path.reshape(-1, 1) for path in lengths)
+    paths = of_water * mu_water.double().cpu().numpy() + of_bone * mu_bone.double().cpu().numpy()
+    measured = _measured(detected_spectrum.double().cpu().numpy(), paths)
+    p = water.correct(torch.from_numpy(measured).clone()).numpy()
+    q = np.broadcast_to(mu_effective[1] * of_bone, p.shape)
+    lacking = mu_effective[0] * of_water + q - p
+    powers = np.stack([q, q * p, q * q, q * p * p, q * p * q, q * q * q], axis=-1).swapaxes(0, 1)
+    coefficients = torch.from_numpy(_least_squares(powers, lacking.T))
+    return replace(water, bone=BoneHardening(coefficients, compact=mu_effective[1] / mu_effective[0]))
 
 
 def _polynomial(coefficients: Tensor, at: Tensor) -> Tensor:
@@ -212,3 +198,21 @@ def _polynomial(coefficients: Tensor, at: Tensor) -> Tensor:
     for coefficient in coefficients.unbind(-1):
         value = torch.addcmul(coefficient, value, at)
     return value
+
+
+def _measured(spectrum: NDArray[np.float64], paths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what each bin measures, (paths, bins), of a spectrum, (bins, energies), along paths, (paths, energies)."""
+    # The least attenuated energy is taken out of the exponent, so that a metre of water does not underflow.
+    least = paths.min(axis=1, keepdims=True)
+    share = spectrum / spectrum.sum(axis=-1, keepdims=True)
+    measured: NDArray[np.float64] = least - np.log((share * np.exp(least - paths)[:, None]).sum(axis=-1))
+    return measured
+
+
+def _least_squares(columns: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the coefficients of columns, (bins, paths, coefficients), for values, (bins, paths)."""
+    largest = np.abs(columns).max(axis=1)
+    orthogonal, triangle = np.linalg.qr(columns / largest[:, None])
+    projected = (orthogonal * values[..., None]).sum(axis=1)
+    fitted: NDArray[np.float64] = np.linalg.solve(triangle, projected[..., None])[..., 0] / largest
+    return fitted

@@ -13,14 +13,11 @@ References:
     Clinthorne et al., IEEE Trans. Med. Imaging 12 (1993) 78.
 """
 
-import math
-
 import numpy as np
 import torch
 from torch import Tensor
 
 from pnpct.arrays import Image
-from pnpct.geometry import FanBeam
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Operator, Solve, warm_started
@@ -32,9 +29,6 @@ EVEN = 0.05
 
 AROUND = ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))
 """Where the points are whose responses make the spectrum of a limited angle, in thirds of the image from its middle."""
-
-LIMITED = math.radians(12.0)
-"""Views leave directions unmeasured if neighbouring ones, opposite views taken for the same, are farther apart."""
 
 FAINTEST = 1e-3
 """A pixel of less certainty, relative to the median, counts as one that no ray meets."""
@@ -103,17 +97,12 @@ def _spectrum(A: Projector, like: Tensor) -> Tensor:
     """
     spectrum = torch.fft.rfft2(_response(A, like, (0, 0))).real
     floor = max(1e-3 * float(spectrum.abs().median()), 0.2 * float(spectrum.abs().min()))
-    if _angle_is_limited(A.geometry):
+    if A.geometry.limited_angle:
         rows, cols = A.grid.shape
         window = _triangle(rows, like)[:, None] * _triangle(cols, like)
         spectrum = torch.stack([torch.fft.rfft2(_response(A, like, place) * window).real for place in AROUND]).mean(0)
     positive: Tensor = spectrum.clamp(min=floor)
     return positive
-
-
-def _angle_is_limited(geometry: FanBeam) -> bool:
-    directions = np.sort(np.mod(geometry.view_angles, math.pi))
-    return bool(np.diff(directions, append=directions[0] + math.pi).max() > LIMITED)
 
 
 def _response(A: Projector, like: Tensor, place: tuple[int, int]) -> Image:

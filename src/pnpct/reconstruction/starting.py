@@ -35,8 +35,12 @@ ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
 
 
 def smooth_state(sinogram: Sinogram, A: Projector) -> ADMMState:
-    """Return the state that begins from a smooth FBP image."""
-    return ADMMState.start(fbp(sinogram.line_integrals, A, kernel="soft"))
+    """Return the state that begins from a smooth FBP image, or from nothing on a limited angle.
+
+    There FBP has streaks in directions that no view has seen, and so no data take them away again.
+    """
+    smooth = fbp(sinogram.line_integrals, A, kernel="soft")
+    return ADMMState.start(torch.zeros_like(smooth) if A.geometry.limited_angle else smooth)
 
 
 def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
@@ -54,7 +58,9 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
     """
     smooth = smooth_state(sinogram, A)
     piecewise = _after(FIRST_ITERATIONS, around_total_variation(sinogram, A, smooth, strength=STRENGTH))
-    start = torch.lerp(smooth.v, piecewise, SHARE * (1 - _near_bone(piecewise)))
+    unseen = A.geometry.limited_angle
+    share = torch.ones_like(piecewise) if unseen else SHARE * (1 - _near_bone(piecewise))
+    start = torch.lerp(smooth.v, piecewise, share)
     metal = (smooth.v > DENSEST).any(dim=A.domain_dims, keepdim=True)
     if bool(metal.any()):
         states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=balanced_sigma_v(sinogram, A))
