@@ -45,7 +45,9 @@ OPTIONS = [
     Case("an unknown option", GOOD + " --iteration 3", "--iteration reconstruct --help"),
     Case("a third path", GOOD + " {here}/more.h5", "more.h5"),
     Case("no output", "reconstruct {made}/scan.h5", "missing IMAGE reconstruct --help"),
-    Case("an unknown command", "reconstuct {made}/scan.h5 {here}/out.h5", "no command reconstuct is reconstruct"),
+    Case(
+        "an unknown command", "reconstuct {made}/scan.h5 {here}/out.h5", "no command reconstuct you mean reconstruct?"
+    ),
     Case("an unknown import", "import dicom {here}", "no command import dicom import arrays import catsim"),
     Case("no current", HEAD + " --tube-current-ma 0", "tube_current_ma positive mA 0"),
     Case("a negative current", HEAD + " --tube-current-ma -40", "tube_current_ma positive mA -40"),

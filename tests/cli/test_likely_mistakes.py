@@ -41,9 +41,13 @@ def angles(unit, values):
 
 
 COMMANDS = [
-    Case("a command with a slip", "reconstuct a.h5 b.h5", "there is reconstruct"),
+    Case("a command with a slip", "reconstuct a.h5 b.h5", "did you mean reconstruct?"),
+    Case("a group with a slip", "simulat scan a.h5", "simulat did you mean simulate?"),
+    Case("a command of a group with a slip", "import arays a.npy", "did you mean import arrays?"),
     Case("half a command", "import dicom {here}", "there are import arrays, import catsim"),
-    Case("an option with a slip", RECONSTRUCT + " --iteration 3", "See pnpct reconstruct --help"),
+    Case("an option with a slip", RECONSTRUCT + " --iteration 3", "did you mean --iterations?"),
+    Case("an option by another name", RECONSTRUCT + " --sigma-hu 3", "no option --sigma-hu; did you mean --sigma-v?"),
+    Case("an option of others", RECONSTRUCT + " --beta 3", "no option --beta. See pnpct reconstruct --help."),
     Case("no output", "reconstruct {made}/scan.h5", "missing: IMAGE See pnpct reconstruct --help"),
     Case("half a number", RECONSTRUCT + " --size 512x512", "needs a whole number"),
     Case("a method of others", RECONSTRUCT + " --method sart", "'fbp', 'pnp', 'tv'"),

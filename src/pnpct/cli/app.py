@@ -117,10 +117,13 @@ def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
     for length in (1, 2):
         if (command := " ".join(words[:length])) in COMMANDS:
             return command, words[length:]
-    near = _group(words[0])
-    asked = " ".join(words[: 2 if near else 1])
-    near = near or difflib.get_close_matches(asked, COMMANDS, n=1) or [*COMMANDS]
-    raise ValueError(f'there is no command "{asked}"; there {"is" if len(near) == 1 else "are"} {", ".join(near)}.')
+    group = _group(words[0])
+    place = 1 if group else 0
+    before, asked = words[:place], words[place]
+    names = {command.split()[place] for command in group or COMMANDS}
+    near = difflib.get_close_matches(asked, names, n=1, cutoff=0.7)
+    instead = f"did you mean {' '.join([*before, *near])}?" if near else f"there are {', '.join(group or COMMANDS)}."
+    raise ValueError(f'There is no command "{" ".join([*before, asked])}"; {instead}')
 
 
 def _group(word: str) -> list[str]:

@@ -1,9 +1,11 @@
 """From arguments to a command, by its annotations and its docstring."""
 
+import difflib
 import io
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import redirect_stderr
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import tyro
@@ -48,11 +50,25 @@ def parse(command: type[Command], words: Sequence[str], *, program: str) -> Comm
     markers = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
     try:
         with redirect_stderr(complaint):
-            return tyro.cli(command, prog=program, args=words, config=markers)
+            parsed, unknown = tyro.cli(command, prog=program, args=words, config=markers, return_unknown_args=True)
     except SystemExit as leave:
         if not leave.code:
             raise
-    raise UsageError(f"{_unboxed(complaint.getvalue())} See {program} --help.")
+        raise UsageError(f"{_unboxed(complaint.getvalue())} See {program} --help.") from None
+    if unknown:
+        raise UsageError(f"{_unknown(unknown, command)} See {program} --help.")
+    return parsed
+
+
+def _unknown(words: Sequence[str], command: type[Any]) -> str:
+    """The sentence on arguments that a command does not have, which names the option next to a mistyped one."""
+    mistyped = next((word.split("=")[0] for word in words if word.startswith("-")), None)
+    if mistyped is None:
+        return f"Too many arguments: {', '.join(words)}."
+    positional = tyro.conf.Positional
+    named = [field.name for field in fields(command) if positional not in getattr(field.type, "__metadata__", ())]
+    near = difflib.get_close_matches(mistyped.lstrip("-"), [name.replace("_", "-") for name in named], n=1)
+    return f"There is no option {mistyped}{f'; did you mean --{near[0]}?' if near else '.'}"
 
 
 def _unboxed(complaint: str) -> str:
