@@ -30,6 +30,7 @@ COMMANDS = {
     "report": "Show a comparison as one HTML page, and its images as panels.",
     "compare": "Compare the methods of the paper on the same scans, and report on them.",
     "info": "Describe a file.",
+    "doctor": "Describe this installation, for a report of a bug.",
     "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
 }
 """The commands, each in the module of its name with _ between words, which is imported only when it is needed."""
