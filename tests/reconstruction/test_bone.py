@@ -63,6 +63,15 @@ def test_it_does_not_depend_on_the_image_and_is_done_once(scan: Scan) -> None:
     assert corrected_for_bone(corrected, projector(scan, GRID)) is corrected
 
 
+def test_streaks_of_a_limited_angle_are_not_taken_for_bone(scan: Scan) -> None:
+    part = scan[:60]
+    A, sinogram = projector(part, GRID), take_log(part)
+    corrected = corrected_for_bone(sinogram, A)
+    assert torch.equal(corrected.line_integrals, sinogram.line_integrals)
+    assert torch.equal(corrected.weights.diagonal, sinogram.weights.diagonal)
+    assert corrected.bone is None
+
+
 def test_a_scan_of_unknown_spectrum_stays_as_it_is(scan: Scan) -> None:
     sinogram = Sinogram(take_log(scan).line_integrals, take_log(scan).weights)
     assert corrected_for_bone(sinogram, projector(scan, GRID)) is sinogram

@@ -23,7 +23,8 @@ def corrected_for_bone(sinogram: Sinogram, A: Projector) -> Sinogram:
     """Return line integrals, and their weights, as of a beam that bone does not harden more than water does.
 
     Without it the brain is too bright along the skull, and there are dark bands between dense bones. It takes one
-    filtered back-projection and one projection, and does nothing where the spectrum of the scan is not known.
+    filtered back-projection and one projection. It does nothing where the spectrum of the scan is not known, and on a
+    limited angle, where the first image has streaks that look like bone.
 
     Args:
         sinogram: Line integrals, corrected for water, and weights.
@@ -35,6 +36,8 @@ def corrected_for_bone(sinogram: Sinogram, A: Projector) -> Sinogram:
     bone, p, W = sinogram.bone, sinogram.line_integrals, sinogram.weights
     if bone is None:
         return sinogram
+    if A.geometry.limited_angle:
+        return replace(sinogram, bone=None)
     wide = _of_everything(A.geometry, A.mu_water, A.method)
     whole = beyond_fan(sinogram, wide)
     image = fbp(whole.sinogram.line_integrals, whole.A, kernel="soft")

@@ -58,9 +58,9 @@ def reconstruct_volume(
     interpolated along z between them. What a slice is does not depend on `first` and `slab`.
 
     At any time it has in memory the rays of three quarters of a turn (of all views, of an axial scan), the images of
-    the planes around a slice (14 at 20 mm a turn), 16 projectors, which all turns share, and what the method needs for
-    one group of planes: with 984 x 900 rays a turn in 32 rows and 512 x 512 pixels about 170 + 14 + 400 MB, whatever
-    the number of slices.
+    the planes around a slice (14 at 20 mm a turn), 16 projectors, which all turns share (twice as many where bone is
+    corrected), and what the method needs for one group of planes: with 984 x 900 rays a turn in 32 rows and 512 x 512
+    pixels about 170 + 14 + 400 MB, whatever the number of slices.
 
     Args:
         rays: The line integrals and weights of the views with the given numbers; it is asked for each view once, for a
