@@ -106,9 +106,27 @@ def test_ctrl_c_while_iterating_gives_130_and_one_line_and_no_file(made, tmp_pat
     assert process.returncode == 130
     assert out == ""
     assert shown.decode().replace("\r\n", "\n").endswith("pnpct: interrupted.\n")
+    assert 0 <= shown.find(b"Preparing") < shown.find(b"ADMM")
     # Above that line only the bar was, which clears its line when it goes.
     assert shown.rfind(b"\x1b[2K") > shown.rfind(b"/100000")
     assert contents(tmp_path) == {}
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        ("reconstruct {made}/scan.h5 {here}/o.h5 --method fbp", "Preparing"),
+        ("denoise {made}/image.h5 {here}/series --denoiser gaussian", "Reading Denoising Writing"),
+        ("evaluate {made}/image.h5 {made}/scan.h5", "Measuring"),
+        ("info {made}/scan.h5", "Views"),
+    ],
+)
+def test_on_a_terminal_each_command_says_what_it_does(words, shown, run, made, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    status, _, err = run(*words.format(made=made, here=tmp_path).split())
+    assert status == 0
+    assert [word for word in shown.split() if word not in err] == []
 
 
 def test_off_a_terminal_no_progress_is_shown(run, made, tmp_path):

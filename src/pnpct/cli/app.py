@@ -31,6 +31,7 @@ COMMANDS = {
     "compare": "Compare the methods of the paper on the same scans, and report on them.",
     "info": "Describe a file.",
     "doctor": "Describe this installation, for a report of a bug.",
+    "completion": "Write a script for bash, zsh or fish that completes what is typed.",
     "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
 }
 """The commands, each in the module of its name with _ between words, which is imported only when it is needed."""
@@ -83,7 +84,7 @@ def run(words: Sequence[str]) -> None:
         say(_overview(COMMANDS))
     elif first == "--version":
         say(version("pnpct"))
-    elif (group := _group(first)) and (len(words) == 1 or words[1] in ("-h", "--help")):
+    elif (group := group_of(first)) and (len(words) == 1 or words[1] in ("-h", "--help")):
         say(_overview(group))
     else:
         command, rest = _find(words)
@@ -118,7 +119,7 @@ def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
     for length in (1, 2):
         if (command := " ".join(words[:length])) in COMMANDS:
             return command, words[length:]
-    group = _group(words[0])
+    group = group_of(words[0])
     place = 1 if group else 0
     before, asked = words[:place], words[place]
     names = {command.split()[place] for command in group or COMMANDS}
@@ -127,8 +128,8 @@ def _find(words: Sequence[str]) -> tuple[str, Sequence[str]]:
     raise ValueError(f'There is no command "{" ".join([*before, asked])}"; {instead}')
 
 
-def _group(word: str) -> list[str]:
-    """The commands of the group of this name."""
+def group_of(word: str) -> list[str]:
+    """Return the commands of the group of this name."""
     return [command for command in COMMANDS if command.startswith(f"{word} ")]
 
 

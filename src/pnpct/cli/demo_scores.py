@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pnpct.cli.scores import say_scores, write_scores
+from pnpct.cli.terminal import working
 from pnpct.cli.truth import truth_of
 from pnpct.comparison import Detail
 from pnpct.evaluation import evaluate
@@ -32,7 +33,8 @@ def score_images(
     """
     truth, _ = truth_of(scan)
     images = {name: read_image(file)[0] for name, file in files.items()}
-    scores = {name: evaluate(image, truth) for name, image in images.items()}
+    with working("Measuring"):
+        scores = {name: evaluate(image, truth) for name, image in images.items()}
     say_scores(scores)
     write_scores(numbers, scores)
     errors = {name: values["soft_tissue_rmse_hu"] for name, values in scores.items()}

@@ -43,7 +43,8 @@ class Denoise(DenoiserOptions, ImageOptions):
         """Denoise, and write the image."""
         self.check_image(self.denoised, command, inputs=[self.image])
         device = choose_device(self.device)
-        image, place = self._input(command)
+        with working("Reading"):
+            image, place = self._input(command)
         denoise = self.chosen_denoiser(device)
         with working("Denoising"):
             denoised = denoise(image.to(device)).cpu()

@@ -6,7 +6,7 @@ from typing import Any
 
 from pnpct.arrays import Image, Volume
 from pnpct.cli.artefact import check_output, finish
-from pnpct.cli.terminal import say
+from pnpct.cli.terminal import say, working
 from pnpct.files import (
     Provenance,
     SourceSeries,
@@ -81,15 +81,16 @@ def finish_folder(
     of = "its source's patient and study" if patient or isinstance(place, SourceSeries) else "a fictitious patient"
     if patient_of:
         patient, of = read_patient(patient_of), f"the patient and study of {patient_of}"
-    write_dicom_series(
-        path,
-        image,
-        place,
-        provenance=provenance,
-        body_part=body_part or source.get("BodyPartExamined"),
-        patient=patient,
-        slice_thickness=slice_thickness or None,
-    )
+    with working("Writing"):
+        write_dicom_series(
+            path,
+            image,
+            place,
+            provenance=provenance,
+            body_part=body_part or source.get("BodyPartExamined"),
+            patient=patient,
+            slice_thickness=slice_thickness or None,
+        )
     finish(path, provenance, summary=f"{place}{also}, as a DICOM series of {of}")
     if (lay := patient.get("PatientPosition", "HFS")) != "HFS":
         say(f"The patient lay {lay}, not HFS: left and right are uncertain; compare with the scanner's images.")

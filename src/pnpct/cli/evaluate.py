@@ -11,6 +11,7 @@ from pnpct.cli.artefact import NUMBERS, check_output, finish
 from pnpct.cli.image_input import image_of
 from pnpct.cli.parsing import option
 from pnpct.cli.scores import say_scores, write_scores
+from pnpct.cli.terminal import working
 from pnpct.cli.truth import on_one_grid, truth_of
 from pnpct.comparison import fidelity_values, histogram_values, score_definitions, texture_values
 from pnpct.files import record_run
@@ -43,8 +44,9 @@ class Evaluate:
         """Compare, print the numbers, and write them."""
         if self.numbers:
             check_output(self.numbers, NUMBERS, inputs=[self.image, self.truth])
-        image, truth = on_one_grid(image_of(self.image, self.series), truth_of(self.truth, self.truth_series))
-        values = fidelity_values(image, truth) | histogram_values(image, truth) | texture_values(image, truth)
+        with working("Measuring"):
+            image, truth = on_one_grid(image_of(self.image, self.series), truth_of(self.truth, self.truth_series))
+            values = fidelity_values(image, truth) | histogram_values(image, truth) | texture_values(image, truth)
         say_scores({self.image.name: values})
         if self.numbers:
             write_scores(self.numbers, values)

@@ -9,6 +9,7 @@ from tyro.conf import Positional
 
 from pnpct.cli.artefact import SCANS, check_output, finish_scan
 from pnpct.cli.parsing import option
+from pnpct.cli.terminal import working
 from pnpct.files import file_and_member, record_run, scan_from_catsim
 from pnpct.units import MU_WATER_70_KEV
 
@@ -47,15 +48,16 @@ class ImportCatsim:
         inputs = [*(path for path in raw if path.is_file()), *self.configuration]
         inputs += [file_and_member(self.beam_hardening)[0]] if self.beam_hardening else []
         check_output(self.scan, SCANS, inputs=inputs)
-        scan = scan_from_catsim(
-            self.prefix,
-            configuration=self.configuration,
-            signal=self.signal,
-            detector_row=self.detector_row,
-            all_rows=self.all_rows,
-            kev_per_quantum=self.kev_per_quantum,
-            incident=self.incident,
-            mu_water=self.mu_water,
-            beam_hardening=self.beam_hardening,
-        )
+        with working("Reading"):
+            scan = scan_from_catsim(
+                self.prefix,
+                configuration=self.configuration,
+                signal=self.signal,
+                detector_row=self.detector_row,
+                all_rows=self.all_rows,
+                kev_per_quantum=self.kev_per_quantum,
+                incident=self.incident,
+                mu_water=self.mu_water,
+                beam_hardening=self.beam_hardening,
+            )
         finish_scan(self.scan, scan, provenance=record_run(command, inputs=inputs))

@@ -10,7 +10,7 @@ import numpy as np
 from tyro.conf import Positional
 
 from pnpct.cli.coverage import in_words
-from pnpct.cli.terminal import say, shortened
+from pnpct.cli.terminal import say, shortened, track
 from pnpct.files import SCAN, describe_file, read_scan, read_scan_geometry
 from pnpct.geometry import ConeBeam, Geometry
 from pnpct.physics import dead_cells
@@ -61,7 +61,8 @@ def _of_rays(file: Path, geometry: Geometry) -> Mapping[str, str]:
     """How many rays of a scan were not measured, and which bins seem to be dead."""
     total, rays = np.zeros(geometry.bins), np.zeros(geometry.bins, dtype=np.int64)
     missing, noise = 0, 0.0
-    for first in range(0, geometry.views, _VIEWS_AT_ONCE):
+    begins = range(0, geometry.views, _VIEWS_AT_ONCE)
+    for first in track(begins, total=len(begins), of="Views"):
         scan = read_scan(file, views=slice(first, first + _VIEWS_AT_ONCE))
         measured, noise = scan.measured.expand(scan.geometry.shape), scan.electronic_noise
         missing += int((~measured).sum())

@@ -65,10 +65,15 @@ def _unknown(words: Sequence[str], command: type[Any]) -> str:
     mistyped = next((word.split("=")[0] for word in words if word.startswith("-")), None)
     if mistyped is None:
         return f"Too many arguments: {', '.join(words)}."
-    positional = tyro.conf.Positional
-    named = [field.name for field in fields(command) if positional not in getattr(field.type, "__metadata__", ())]
-    near = difflib.get_close_matches(mistyped.lstrip("-"), [name.replace("_", "-") for name in named], n=1)
+    near = difflib.get_close_matches(mistyped.lstrip("-"), [name[2:] for name in options_of(command)], n=1)
     return f"There is no option {mistyped}{f'; did you mean --{near[0]}?' if near else '.'}"
+
+
+def options_of(command: type[Any]) -> dict[str, Any]:
+    """Return the options of a command, as they are typed, and the type of each."""
+    others = {tyro.conf.Positional, tyro.conf.Suppress}
+    named = [field for field in fields(command) if others.isdisjoint(getattr(field.type, "__metadata__", ()))]
+    return {f"--{field.name.replace('_', '-')}": field.type for field in named}
 
 
 def _unboxed(complaint: str) -> str:

@@ -1,6 +1,7 @@
 """`pnpct reconstruct`: from a scan to an image or a volume."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -83,10 +84,15 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
             center=self.center,
             insist=self.insist,
         )
-        with working("Preparing"):
+        with ExitStack() as preparing:
+            preparing.enter_context(working("Preparing"))
             projector = Projector(grid, scan.geometry, mu_water=scan.mu_water)
-            sinogram = take_log(scan)
-        made = method(sinogram, projector, progress=_shown)
+
+            def shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:
+                preparing.close()  # a terminal shows one thing at a time
+                return track(states, total=most, of="ADMM")
+
+            made = method(take_log(scan), projector, progress=shown)
         ended = {"iterations_done": made.iterations, "stopped_by": made.stopped_by} if made.iterations else {}
         if made.notes:
             ended["notes"] = list(made.notes)
@@ -133,7 +139,3 @@ def _of_the_cone(planes: TiltedPlanes, grid: VolumeGrid) -> str:
         f"; an axial scan: at the border of the field of view the rays leave the outermost slices by {leaves:.2g} mm, "
         "and edges along z are blurred by as much"
     )
-
-
-def _shown(states: Iterator[ADMMState], most: int) -> Iterable[ADMMState]:
-    return track(states, total=most, of="ADMM")

@@ -35,8 +35,10 @@ def working(on: str) -> Iterator[None]:
         yield
         return
     from rich.console import Console
+    from rich.live import Live
+    from rich.spinner import Spinner
 
-    with Console(stderr=True).status(on):
+    with Live(Spinner("dots", on), console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()):
         yield
 
 
@@ -49,7 +51,8 @@ def track(items: Iterable[Item], *, total: int, of: str) -> Iterator[Item]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console, together = Console(stderr=True), sys.stdout.isatty()
+    with Progress(*columns, console=console, transient=True, redirect_stdout=together) as progress:
         task = progress.add_task(of, total=total)
         for item in items:
             progress.advance(task)
