@@ -9,11 +9,10 @@ import pytest
 import torch
 from mistakes import Case, check, cut, with_text
 
-from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize, make_denoiser
+from pnpct.denoisers import RDNCBAM, REDCNN, RDNSize, denoiser_settings, make_denoiser
 from pnpct.files import Provenance, load_denoiser, read_image, save_network, sha256_of, write_image
 from pnpct.files.checkpoint import ABOUT
 from pnpct.geometry import ImageGrid, VolumeGrid
-from pnpct.reconstruction import denoiser_settings
 
 TINY = RDNSize(features=4, growth=2, blocks=1, convolutions=2, unshuffle=2)
 

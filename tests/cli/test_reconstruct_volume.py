@@ -149,3 +149,17 @@ def test_slices_have_no_effect_on_a_scan_of_one_plane(run, made, tmp_path):
     assert (status, "x and y in mm for a scan of one plane, got 3 numbers" in err) == (2, True)
     assert run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--method", "fbp", "--center", "5", "-4")[0] == 0
     assert read_image(tmp_path / "out.h5")[1].center == (5.0, -4.0)
+
+
+def test_plug_and_play_sees_neighbouring_planes_and_total_variation_is_told_that_it_does_not(run, scans, tmp_path):
+    words = ("--size", "24", "--slices", "3", "--denoiser", "gaussian", "--iterations", "1")
+    images = {}
+    for hu in ("0", "1000"):
+        out = tmp_path / f"{hu}.h5"
+        assert run("reconstruct", scans / "circle.h5", out, *words, "--slice-agreement-hu", hu)[0] == 0
+        images[hu] = read_image(out)[0]
+        assert json.loads((tmp_path / f"{hu}.h5.json").read_text())["settings"]["slice_agreement_hu"] == float(hu)
+    assert not torch.equal(images["0"], images["1000"])
+    refused = ("--method", "tv", "--slice-agreement-hu", "9")
+    status, _, err = run("reconstruct", scans / "helix.h5", tmp_path / "no.h5", *refused)
+    assert (status, "has an effect on --method pnp alone" in err) == (2, True)

@@ -5,7 +5,7 @@ import itertools
 import pytest
 import torch
 
-from pnpct.denoisers import RDNCBAM, LearnedDenoiser, RDNSize, TotalVariation
+from pnpct.denoisers import RDNCBAM, LearnedDenoiser, RDNSize, TotalVariation, denoiser_settings
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
@@ -15,7 +15,6 @@ from pnpct.reconstruction import (
     ADMMState,
     DenoisedFBP,
     PlugAndPlay,
-    denoiser_settings,
     fbp,
     pnp_admm,
     reconstruct,

@@ -15,9 +15,9 @@ from pnpct.cli.image_input import check_series, image_of
 from pnpct.cli.image_output import ImageOptions, names_folder
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import working
+from pnpct.denoisers import denoiser_settings
 from pnpct.files import SourceSeries, read_source_series, record_run
 from pnpct.geometry import Grid
-from pnpct.reconstruction import denoiser_settings
 
 
 @dataclass(frozen=True)

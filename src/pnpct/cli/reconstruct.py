@@ -101,7 +101,7 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
     def _volume(
         self, geometry: ConeBeam, method: Method, device: torch.device, command: Sequence[str], *, mu_water: float
     ) -> None:
-        options = self.of_planes()
+        options, method = self.of_planes(), self.across_slices(method)
         planes = TiltedPlanes(geometry, options.get("rebinning", TiltedPlanes.rebinning))
         grid = self.volume_grid(
             self.scan, planes, size=self.size, field_of_view=self.field_of_view, center=self.center, insist=self.insist

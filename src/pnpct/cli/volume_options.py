@@ -1,15 +1,16 @@
 """The options of `pnpct reconstruct` for scans with several detector rows, and the slices that they choose."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from pnpct.cli.grids import plane_for
 from pnpct.cli.parsing import given_options, option
+from pnpct.denoisers import AcrossSlices
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
-from pnpct.reconstruction import covered_slices
+from pnpct.reconstruction import Method, PlugAndPlay, covered_slices
 
 _COVERED = "as many as the scan covers"
 
@@ -25,6 +26,8 @@ class VolumeOptions:
         plane_spacing: Largest distance between the planes that are reconstructed and between which slices are
             interpolated, mm: twice the distance is half the time, and less resolution along z.
         rebinning: tilted planes, or as a control horizontal ones (single-slice), which a helix leaves farther.
+        slice_agreement_hu: Difference in HU up to which pnp averages denoised planes with their neighbours; 0 denoises
+            each on its own.
     """
 
     slices: Annotated[int | None, option(default=_COVERED)] = None
@@ -32,6 +35,7 @@ class VolumeOptions:
     thickness: Annotated[float | None, option(default=0)] = None
     plane_spacing: Annotated[float | None, option(default="half the height of a row, or all for thick slices")] = None
     rebinning: Annotated[Rebinning | None, option(default="tilted")] = None
+    slice_agreement_hu: Annotated[float | None, option(default=AcrossSlices.agreement_hu)] = None
 
     def check_one_plane(self) -> None:
         """Check that none is given, for a scan of one plane.
@@ -48,6 +52,20 @@ class VolumeOptions:
     def of_planes(self) -> dict[str, Any]:
         """Return the given options of `reconstruct_volume`."""
         return given_options(self, ("thickness", "plane_spacing", "rebinning"))
+
+    def across_slices(self, method: Method) -> Method:
+        """Return the method as it suits a volume: the denoiser of plug-and-play sees the neighbouring slices.
+
+        Raises:
+            ValueError: If their agreement is given for another method, or is out of range.
+        """
+        given = self.slice_agreement_hu
+        if isinstance(method, PlugAndPlay):
+            agreement_hu = AcrossSlices.agreement_hu if given is None else given
+            return replace(method, denoise=AcrossSlices(method.denoise, agreement_hu))
+        if given is not None:
+            raise ValueError("--slice-agreement-hu has an effect on --method pnp alone; leave it out.")
+        return method
 
     def volume_grid(
         self,

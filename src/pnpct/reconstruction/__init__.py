@@ -10,7 +10,6 @@ from pnpct.reconstruction.methods import (
     Method,
     PlugAndPlay,
     Progress,
-    denoiser_settings,
     reconstruct,
 )
 from pnpct.reconstruction.normal_equations import mean_diagonal
@@ -42,7 +41,6 @@ __all__ = [
     "check_covered",
     "corrected_for_bone",
     "covered_slices",
-    "denoiser_settings",
     "fbp",
     "mean_diagonal",
     "paper_rule",

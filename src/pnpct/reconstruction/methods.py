@@ -5,12 +5,12 @@ user's three lines of Python read them here, and give the same image.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from pnpct.arrays import Image
-from pnpct.denoisers import Denoise, LearnedDenoiser
+from pnpct.denoisers import Denoise, denoiser_settings
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.bone import corrected_for_bone
@@ -226,16 +226,6 @@ def reconstruct(sinogram: Sinogram, A: Projector, denoise: Denoise, **options: A
         ValueError: If an option is out of range.
     """
     return PlugAndPlay(denoise, **options)(sinogram, A).image
-
-
-def denoiser_settings(denoise: Denoise) -> dict[str, Any]:
-    """Return what is known of a denoiser, as plain values: its name, and its fields or `settings` where it has them."""
-    if isinstance(denoise, LearnedDenoiser):
-        return denoise.settings
-    known: Any = denoise
-    fields = asdict(known) if is_dataclass(known) and not isinstance(known, type) else {}
-    name = getattr(known, "__qualname__", type(known).__qualname__)
-    return {"denoiser": name, **{f"denoiser_{field}": value for field, value in fields.items()}}
 
 
 def _whole(sinogram: Sinogram, A: Projector) -> Whole:
