@@ -151,7 +151,7 @@ def test_slices_have_no_effect_on_a_scan_of_one_plane(run, made, tmp_path):
     assert read_image(tmp_path / "out.h5")[1].center == (5.0, -4.0)
 
 
-def test_plug_and_play_sees_neighbouring_planes_and_total_variation_is_told_that_it_does_not(run, scans, tmp_path):
+def test_priors_see_neighbouring_planes(run, scans, tmp_path):
     words = ("--size", "24", "--slices", "3", "--denoiser", "gaussian", "--iterations", "1")
     images = {}
     for hu in ("0", "1000"):
@@ -160,6 +160,10 @@ def test_plug_and_play_sees_neighbouring_planes_and_total_variation_is_told_that
         images[hu] = read_image(out)[0]
         assert json.loads((tmp_path / f"{hu}.h5.json").read_text())["settings"]["slice_agreement_hu"] == float(hu)
     assert not torch.equal(images["0"], images["1000"])
-    refused = ("--method", "tv", "--slice-agreement-hu", "9")
-    status, _, err = run("reconstruct", scans / "helix.h5", tmp_path / "no.h5", *refused)
-    assert (status, "has an effect on --method pnp alone" in err) == (2, True)
+    for refused, kind in (("--method tv --slice-agreement-hu 9", "pnp"), ("--across 1", "tv")):
+        status, _, err = run("reconstruct", scans / "helix.h5", tmp_path / "no.h5", *refused.split())
+        assert (status, f"has an effect on --method {kind} alone" in err) == (2, True)
+    for across in ("0", "1"):
+        out, words = tmp_path / f"tv{across}.h5", ("--size", "24", "--slices", "3", "--iterations", "1")
+        assert run("reconstruct", scans / "circle.h5", out, *words, "--method", "tv", "--across", across)[0] == 0
+    assert not torch.equal(read_image(tmp_path / "tv0.h5")[0], read_image(tmp_path / "tv1.h5")[0])

@@ -104,6 +104,34 @@ def test_a_batch_is_its_slices(noisy: torch.Tensor) -> None:
     torch.testing.assert_close(denoise(batch), slices, rtol=0, atol=1e-6)
 
 
+def test_scikit_image_agrees_over_three_axes(noisy: torch.Tensor, generator: torch.Generator) -> None:
+    volume = noisy + 0.1 * torch.randn(5, *noisy.shape, generator=generator)
+    volume[3:] += 0.5  # an edge between slices
+    theirs = torch.from_numpy(denoise_tv_chambolle(volume.double().numpy(), weight=0.1, eps=0, max_num_iter=3000))
+    ours = TotalVariation(0.1, iterations=1500, tolerance=1e-5, across=1.0)(volume)
+    torch.testing.assert_close(ours.double(), theirs, rtol=0, atol=2e-3)
+
+
+def test_a_volume_in_slices_twice_as_far_apart_has_half_the_gradient_along_z() -> None:
+    step = torch.zeros(4, 3, 3)
+    step[2:] = 1.0
+    for across in (1.0, 0.5):  # each half moves by strength · across / 2 slices
+        moved = TotalVariation(0.1, iterations=2000, tolerance=1e-6, across=across)(step)
+        torch.testing.assert_close(moved, step + across * 0.05 * (1 - 2 * step), rtol=0, atol=1e-4)
+
+
+def test_volumes_of_a_batch_and_images_without_slices_are_apart(noisy: torch.Tensor) -> None:
+    volumes = torch.stack([torch.stack([noisy, noisy.flip(0)]), torch.ones(2, *noisy.shape)])
+    denoise = TotalVariation(0.05, across=1.0)
+    torch.testing.assert_close(denoise(volumes), torch.stack([denoise(one) for one in volumes]), rtol=0, atol=1e-6)
+    assert torch.equal(denoise(noisy), TotalVariation(0.05)(noisy))
+
+
+def test_a_negative_weight_across_slices_is_refused() -> None:
+    with pytest.raises(ValueError, match="between slices"):
+        TotalVariation(0.05, across=-1.0)
+
+
 def test_columns_and_rows_of_one_pixel_are_allowed() -> None:
     line = torch.tensor([[0.0, 0.0, 1.0, 1.0]])
     expected = torch.tensor([[0.05, 0.05, 0.95, 0.95]])

@@ -10,7 +10,7 @@ from pnpct.cli.parsing import given_options, option
 from pnpct.denoisers import AcrossSlices
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
-from pnpct.reconstruction import Method, PlugAndPlay, covered_slices
+from pnpct.reconstruction import TVPWLS, Method, PlugAndPlay, covered_slices
 
 _COVERED = "as many as the scan covers"
 
@@ -28,6 +28,8 @@ class VolumeOptions:
         rebinning: tilted planes, or as a control horizontal ones (single-slice), which a helix leaves farther.
         slice_agreement_hu: Difference in HU up to which pnp averages denoised planes with their neighbours; 0 denoises
             each on its own.
+        across: Weight of differences between neighbouring planes in the total variation of tv, relative to those
+            between pixels.
     """
 
     slices: Annotated[int | None, option(default=_COVERED)] = None
@@ -36,6 +38,7 @@ class VolumeOptions:
     plane_spacing: Annotated[float | None, option(default="half the height of a row, or all for thick slices")] = None
     rebinning: Annotated[Rebinning | None, option(default="tilted")] = None
     slice_agreement_hu: Annotated[float | None, option(default=AcrossSlices.agreement_hu)] = None
+    across: Annotated[float | None, option(default=TVPWLS.across)] = None
 
     def check_one_plane(self) -> None:
         """Check that none is given, for a scan of one plane.
@@ -54,18 +57,21 @@ class VolumeOptions:
         return given_options(self, ("thickness", "plane_spacing", "rebinning"))
 
     def across_slices(self, method: Method) -> Method:
-        """Return the method as it suits a volume: the denoiser of plug-and-play sees the neighbouring slices.
+        """Return the method as it suits a volume: the prior of plug-and-play sees the neighbouring slices.
 
         Raises:
-            ValueError: If their agreement is given for another method, or is out of range.
+            ValueError: If an option is given for another method, or is out of range.
         """
-        given = self.slice_agreement_hu
+        suits = {"slice_agreement_hu": PlugAndPlay, "across": TVPWLS}
+        for name in given_options(self, suits):
+            if not isinstance(method, suits[name]):
+                wanted = {PlugAndPlay: "pnp", TVPWLS: "tv"}[suits[name]]
+                raise ValueError(f"--{name.replace('_', '-')} has an effect on --method {wanted} alone; leave it out.")
         if isinstance(method, PlugAndPlay):
+            given = self.slice_agreement_hu
             agreement_hu = AcrossSlices.agreement_hu if given is None else given
             return replace(method, denoise=AcrossSlices(method.denoise, agreement_hu))
-        if given is not None:
-            raise ValueError("--slice-agreement-hu has an effect on --method pnp alone; leave it out.")
-        return method
+        return replace(method, across=self.across) if isinstance(method, TVPWLS) and self.across else method
 
     def volume_grid(
         self,

@@ -54,7 +54,7 @@ def make_denoiser(name: str, strength: float | None = None) -> Denoise:
 
     Example:
         >>> make_denoiser("tv", 30.0)
-        TotalVariation(strength=0.03, iterations=200, tolerance=0.001)
+        TotalVariation(strength=0.03, iterations=200, tolerance=0.001, across=0.0)
     """
     if name not in DENOISERS:
         raise ValueError(f'There is no denoiser "{name}"; there are {", ".join(DENOISERS)}.')

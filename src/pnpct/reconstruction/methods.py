@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from pnpct.arrays import Image
-from pnpct.denoisers import Denoise, denoiser_settings
+from pnpct.denoisers import Denoise, TotalVariation, denoiser_settings
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.bone import corrected_for_bone
@@ -107,6 +107,8 @@ class TVPWLS:
 
     Args:
         strength: Of total variation over the noise, pixels, ≥ 0.
+        across: Weight of differences between neighbouring slices, ≥ 0, where the last dimension of the batch is that of
+            slices; of total variation in space, pixel spacing over slice spacing. 0 leaves each slice on its own.
         iterations: Maximum number of iterations, at least 1.
         stop: Stopping rule that may end the iterations earlier.
 
@@ -115,12 +117,14 @@ class TVPWLS:
     """
 
     strength: float = STRENGTH
+    across: float = 0.0
     iterations: int = 20
     stop: RuleName = "relative"
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength < float("inf"):
             raise ValueError(f"The strength of total variation is pixels from 0 up, got {self.strength:g}.")
+        TotalVariation(self.strength, across=self.across)
 
     @property
     def settings(self) -> Mapping[str, Any]:
@@ -129,7 +133,7 @@ class TVPWLS:
 
     def states(self, sinogram: Sinogram, A: Projector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
-        return around_total_variation(sinogram, A, start, strength=self.strength)
+        return around_total_variation(sinogram, A, start, strength=self.strength, across=self.across)
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""

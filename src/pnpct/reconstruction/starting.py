@@ -69,7 +69,7 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
 
 
 def around_total_variation(
-    sinogram: Sinogram, A: Projector, start: ADMMState, *, strength: float
+    sinogram: Sinogram, A: Projector, start: ADMMState, *, strength: float, across: float = 0.0
 ) -> Iterator[ADMMState]:
     """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, for ever.
 
@@ -83,12 +83,15 @@ def around_total_variation(
         A: The projector.
         start: The state to begin from.
         strength: Pixels, ≥ 0.
+        across: Weight of differences between slices in TV, as of `TotalVariation`.
     """
     noise = balanced_sigma_v(sinogram, A)
+    if across and noise.ndim > 2:  # the proximal map of a volume has one strength
+        noise = noise.mean(-3, keepdim=True).expand_as(noise)
     sigma_v = noise.clamp(max=2 * SIGMA_V)
     # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
     q = sigma_v.square() / noise / 1000
-    denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()))
+    denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()), across=across)
     return pnp_admm(sinogram, A, lambda image: q * denoise(image / q), start, sigma_v=sigma_v)
 
 
