@@ -100,6 +100,7 @@ def test_a_link_stays_a_link(tmp_path):
         OSError(errno.ENOSPC, "No space left on device"),
         RuntimeError("Can't decrement id ref count (file write failed: errno = 28, error message = 'No space')"),
         OSError("Unable to close file (errno = 28, error message = 'No space left on device')"),
+        OSError("4096 requested and 3040 written"),
     ],
 )
 def test_a_full_disk_is_one_sentence_that_names_the_file(tmp_path, error):

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -50,3 +52,36 @@ def test_what_is_no_folder_of_slabs(tmp_path):
     with pytest.raises(ValueError, match="slices from 8 on hold values that are not finite"):
         folder.write(8, torch.full((1, 2, 2), torch.nan))
     assert not folder.path.exists()
+
+
+@pytest.mark.parametrize("left", range(4))
+def test_a_kill_while_the_folder_is_removed_leaves_one_of_fewer_slabs(tmp_path, monkeypatch, left):
+    folder = SlabFolder.beside(tmp_path / "out.h5", PROVENANCE)
+    for first in range(3):
+        folder.write(first, torch.ones(1, 2, 2))
+    removed, unlink = [], Path.unlink
+
+    def killed(path, **options):
+        if len(removed) == 3 - left:
+            raise KeyboardInterrupt
+        removed.append(path)
+        unlink(path, **options)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Path, "unlink", killed)
+        patch.setattr("shutil.rmtree", killed)
+        folder.remove()
+    assert SlabFolder.beside(tmp_path / "out.h5", PROVENANCE).slices == left
+
+
+def test_a_full_disk_is_said_and_leaves_the_slabs_that_are_whole(tmp_path, monkeypatch):
+    folder = SlabFolder.beside(tmp_path / "out.h5", PROVENANCE)
+    folder.write(0, torch.ones(2, 2, 2))
+
+    def full(path, array):
+        raise OSError("8 requested and 3 written")
+
+    monkeypatch.setattr("numpy.save", full)
+    with pytest.raises(OSError, match=r"000002\.npy was not written: the disk is full"):
+        folder.write(2, torch.ones(2, 2, 2))
+    assert folder.slices == 2

@@ -90,3 +90,19 @@ def test_what_has_no_planes():
     planes = TiltedPlanes(helix())
     with pytest.raises(ValueError, match="needs views that were not measured"):
         planes.views(planes.stack_at(planes.reach[0] - 2.0))
+
+
+def test_slices_beside_missing_views_are_made_and_those_that_need_them_are_not():
+    whole = helix(turns=5.0)
+    gap = replace(whole, trajectory=whole.trajectory[[*range(300), *range(310, 480)]])
+    planes = TiltedPlanes(gap)
+    low, high = planes.reach
+    for at in (low + 2.0, high - 2.0):
+        made, wanted = (each.stacks(at, at, spacing=0.6) for each in (planes, TiltedPlanes(whole)))
+        assert [stack.center for stack in made] == [stack.center for stack in wanted]
+    missing = TURN / 96 * np.array([299, 310]) + 1.0
+    below, above = 20.0 * missing / TURN + 5.0
+    with pytest.raises(ValueError, match=rf"between z = {below:.4g} and {above:.4g} mm, which are missing"):
+        planes.stacks(low, high, spacing=0.6)
+    every_third = replace(whole, trajectory=whole.trajectory[[view for view in range(480) if view % 3]])
+    assert TiltedPlanes(every_third).stacks(low, high, spacing=0.6)

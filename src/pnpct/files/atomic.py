@@ -12,6 +12,8 @@ from pathlib import Path
 from pnpct.files.errors import PathLike, resolved
 
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_WRITTEN_IN_PART = re.compile(r"\d+ requested and \d+ written")
+"""What numpy says of a full disk, without the system's number."""
 
 
 @contextmanager
@@ -133,9 +135,11 @@ def _writable_target(path: Path, *, folder: bool = False) -> Path:
 
 
 def _error_number(error: Exception) -> int:
-    """The system's number of an error, also where HDF5 has it in its text only; 0 if there is none."""
+    """The system's number of an error, also where HDF5 and numpy have it in words only; 0 if there is none."""
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno
+    if isinstance(error, OSError) and _WRITTEN_IN_PART.fullmatch(str(error)):
+        return errno.ENOSPC
     written = re.search(r"errno = (\d+)", str(error)) if isinstance(error, OSError | RuntimeError) else None
     return int(written.group(1)) if written else 0
 

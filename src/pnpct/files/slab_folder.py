@@ -106,7 +106,9 @@ class SlabFolder:
         return torch.cat(parts, dim=-3)
 
     def remove(self) -> None:
-        """Remove the folder, when the volume is written."""
+        """Remove the folder, when the volume is written: what a kill leaves of it is a folder of slabs."""
+        for _, path in reversed(self._slabs()):
+            path.unlink()
         shutil.rmtree(self.path)
 
     @property

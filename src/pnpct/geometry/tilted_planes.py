@@ -43,6 +43,9 @@ _TOGETHER = 4
 _MEETS = math.radians(60.0)
 """The plane meets the helix so far to either side of its central angle."""
 
+_GAP = math.radians(5.0)
+"""Views of a helix are missing between two that are farther apart than this and than three usual steps."""
+
 _IN_MICROMETRES = 3
 """Shifts of the focal spot are rounded to as many decimals of a millimetre, so that views a turn apart agree."""
 
@@ -137,7 +140,7 @@ class TiltedPlanes:
             spacing: Largest distance between neighbouring planes on the axis, mm, > 0; of a circle just so.
 
         Raises:
-            ValueError: If the helix is too short for any.
+            ValueError: If the helix is too short for any, or views that they need are missing.
         """
         if self.feed == 0:
             heights = low + spacing * np.arange(math.ceil((high - low) / spacing - 1e-6) + 1)
@@ -154,7 +157,9 @@ class TiltedPlanes:
             )
             for window in windows
         ]
-        return spanning(stacks, low, high)
+        chosen = spanning(stacks, low, high)
+        self._check_no_gap(min(stack.center for stack in chosen), max(stack.center for stack in chosen))
+        return chosen
 
     def views(self, stack: PlaneStack) -> NDArray[np.int64]:
         """Return the numbers of the views of a stack, in the order of their angles.
@@ -232,6 +237,21 @@ class TiltedPlanes:
         away, up = self._angles - middle, self._heights - self._heights.mean()
         gain = float(away @ up / (away @ away))
         return gain, float(self._heights.mean() - gain * middle)
+
+    def _check_no_gap(self, first: int, last: int) -> None:
+        """Check that no views are missing among those of the windows with these middles."""
+        counted = np.unique(self._counted)
+        begin, end = np.searchsorted(counted, [first - self._half, last + self._half])
+        steps = np.diff(counted[max(begin - 1, 0) : end + 1])
+        widest = max(3 * float(np.median(np.diff(counted))), _GAP / (2 * math.pi) * _STEPS)
+        if steps.size and steps.max() > widest:
+            before = max(begin - 1, 0) + int(steps.argmax())
+            edges = (self._height(2 * math.pi / _STEPS * float(angle)) for angle in counted[before : before + 2])
+            low, high = sorted(edges)
+            raise ValueError(
+                f"These slices need the views of the helix between z = {low:.4g} and {high:.4g} mm, which are missing; "
+                "give the whole scan, or ask for slices farther from there."
+            )
 
     def _height(self, angle: float) -> float:
         """Height of the helix, mm."""
