@@ -12,6 +12,7 @@ from tyro.conf import Positional, Suppress, UseAppendAction
 from pnpct.cli.parsing import option
 from pnpct.cli.report import Report
 from pnpct.cli.terminal import track
+from pnpct.cli.workers import Cluster, chosen_workers
 from pnpct.comparison import PaperMethods, Phantoms, Study, compare, imported_methods, subjects_of
 
 
@@ -28,6 +29,7 @@ class Compare(PaperMethods, Study):
         method: Compare a method of your own too: a callable (sinogram, A) that can be imported from the working
             directory or an installed package, a mapping from names to several, or a function that returns either.
         processes: Cases, and then methods on phantoms, that run in parallel.
+        cluster: Address of the scheduler of a Dask cluster, whose workers run them.
     """
 
     folder: Positional[Path]
@@ -35,6 +37,7 @@ class Compare(PaperMethods, Study):
     denoiser: UseAppendAction[Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME")]] = PaperMethods.denoiser
     method: UseAppendAction[Annotated[tuple[str, ...], tyro.conf.arg(metavar="MODULE:NAME")]] = ()
     processes: Annotated[int | None, option(default="one per processor")] = None
+    cluster: Cluster = None
     phantoms: Suppress[Phantoms] = Study.phantoms
 
     def run(self, command: Sequence[str]) -> None:
@@ -44,9 +47,9 @@ class Compare(PaperMethods, Study):
         methods = self.candidates()
         for path in self.method:
             methods = methods.with_methods(imported_methods(path))
-        processes = (os.cpu_count() or 1) if self.processes is None else self.processes
+        workers = chosen_workers(self.processes, self.cluster, usual=os.cpu_count() or 1)
         given = self.folder, self.scans, methods
-        compare(*given, study=study, processes=processes, command=command, progress=_shown)
+        compare(*given, study=study, command=command, **workers, progress=_shown)
         Report(self.folder).run(command)
 
     def _check_effect(self, study: Study) -> None:

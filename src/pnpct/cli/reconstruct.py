@@ -15,13 +15,14 @@ from pnpct.cli.grids import grid_for
 from pnpct.cli.image_output import ImageOptions, names_folder
 from pnpct.cli.options import MethodOptions
 from pnpct.cli.parsing import option
-from pnpct.cli.slabs import volume_of_slabs
+from pnpct.cli.slabs import RaysOfFile, volume_of_slabs
 from pnpct.cli.terminal import say, track, working
 from pnpct.cli.volume_options import VolumeOptions
 from pnpct.files import read_scan, read_scan_geometry, record_run
 from pnpct.geometry import ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
 from pnpct.operators import Projector
-from pnpct.physics import Scan, Sinogram, take_log
+from pnpct.operators.same_bytes import compute_same_bytes
+from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import ADMMState, Method, Slab, check_covered, reconstruct_volume
 
 _OF_TRUTH = "that of the truth in the scan; without one,"
@@ -101,6 +102,7 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
     def _volume(
         self, geometry: ConeBeam, method: Method, device: torch.device, command: Sequence[str], *, mu_water: float
     ) -> None:
+        compute_same_bytes()  # whoever goes on with an interrupted volume ends with the same bytes
         options, method = self.of_planes(), self.across_slices(method)
         planes = TiltedPlanes(geometry, options.get("rebinning", TiltedPlanes.rebinning))
         grid = self.volume_grid(
@@ -110,13 +112,12 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
         settings = {**method.settings, **options, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
 
-        def rays(views: Sequence[int]) -> Sinogram:
-            first = min(views)
-            part = read_scan(self.scan, views=slice(first, max(views) + 1))
-            return take_log(on_device(part[[view - first for view in views]], device))
+        rays, workers = RaysOfFile(self.scan, device), self.workers()
 
         def slabs(first: int) -> Iterator[Slab]:
-            return reconstruct_volume(rays, geometry, grid, method, mu_water=mu_water, first=first, **options)
+            return reconstruct_volume(
+                rays, geometry, grid, method, mu_water=mu_water, first=first, **options, **workers
+            )
 
         with volume_of_slabs(slabs, self.image, grid, provenance) as volume:
             self.finish_image(

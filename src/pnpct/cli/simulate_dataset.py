@@ -11,6 +11,7 @@ from tyro.conf import Positional
 from pnpct.cli.artefact import finish
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import track
+from pnpct.cli.workers import Cluster, chosen_workers
 from pnpct.files import MANIFEST, record_run
 from pnpct.simulation import ANATOMIES, Recipe, Simulator, plan, simulate_dataset
 
@@ -40,6 +41,7 @@ class SimulateDataset:
         test: Fraction of the patients that is held out for testing.
         seed: Seed of everything random.
         processes: Scans that are simulated in parallel.
+        cluster: Address of the scheduler of a Dask cluster, whose workers simulate them.
     """
 
     folder: Positional[Path]
@@ -59,6 +61,7 @@ class SimulateDataset:
     test: float = Recipe.test
     seed: int = Recipe.seed
     processes: Annotated[int | None, option(default="one per processor")] = None
+    cluster: Cluster = None
 
     def run(self, command: Sequence[str]) -> None:
         """Simulate the scans that are missing."""
@@ -79,8 +82,8 @@ class SimulateDataset:
             test=self.test,
             seed=self.seed,
         )
-        processes = (os.cpu_count() or 1) if self.processes is None else self.processes
-        scans = simulate_dataset(self.folder, recipe, processes=processes)
+        workers = chosen_workers(self.processes, self.cluster, usual=os.cpu_count() or 1)
+        scans = simulate_dataset(self.folder, recipe, **workers)
         done = list(track(scans, total=len(plan(recipe)), of="Scanning patients"))
         provenance = record_run(command, seed=self.seed)
         slices = sum(len(scan.files) for scan in done)

@@ -1,15 +1,39 @@
 """A volume, slab by slab, from which an interrupted command goes on."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
+import torch
+
 from pnpct.arrays import Volume
+from pnpct.cli.devices import on_device
 from pnpct.cli.terminal import say, track
-from pnpct.files import Provenance, SlabFolder
+from pnpct.files import Provenance, SlabFolder, read_scan
 from pnpct.geometry import VolumeGrid
+from pnpct.physics import Sinogram, take_log
 from pnpct.reconstruction import SLAB, Slab
+
+
+@dataclass(frozen=True)
+class RaysOfFile:
+    """The line integrals of some views of a scan, which are read when they are asked for, by other processes too.
+
+    Args:
+        scan: The file.
+        device: Where they shall be.
+    """
+
+    scan: Path
+    device: torch.device
+
+    def __call__(self, views: Sequence[int]) -> Sinogram:
+        """Return those of the views with these numbers."""
+        first = min(views)
+        part = read_scan(self.scan, views=slice(first, max(views) + 1))
+        return take_log(on_device(part[[view - first for view in views]], self.device))
 
 
 @contextmanager

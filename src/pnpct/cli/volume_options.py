@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pnpct.cli.grids import plane_for
 from pnpct.cli.parsing import given_options, option
 from pnpct.denoisers import AcrossSlices
+from pnpct.cli.workers import Cluster, chosen_workers
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.reconstruction import TVPWLS, Method, PlugAndPlay, covered_slices
@@ -30,6 +31,8 @@ class VolumeOptions:
             each on its own.
         across: Weight of differences between neighbouring planes in the total variation of tv, relative to those
             between pixels.
+        processes: Processes that share the planes and the cores.
+        cluster: Address of the scheduler of a Dask cluster, whose workers reconstruct the planes.
     """
 
     slices: Annotated[int | None, option(default=_COVERED)] = None
@@ -39,6 +42,8 @@ class VolumeOptions:
     rebinning: Annotated[Rebinning | None, option(default="tilted")] = None
     slice_agreement_hu: Annotated[float | None, option(default=AcrossSlices.agreement_hu)] = None
     across: Annotated[float | None, option(default=TVPWLS.across)] = None
+    processes: Annotated[int | None, option(default=1)] = None
+    cluster: Cluster = None
 
     def check_one_plane(self) -> None:
         """Check that none is given, for a scan of one plane.
@@ -72,6 +77,14 @@ class VolumeOptions:
             agreement_hu = AcrossSlices.agreement_hu if given is None else given
             return replace(method, denoise=AcrossSlices(method.denoise, agreement_hu))
         return replace(method, across=self.across) if isinstance(method, TVPWLS) and self.across else method
+
+    def workers(self) -> dict[str, Any]:
+        """Return who reconstructs the planes, as options of `reconstruct_volume`.
+
+        Raises:
+            ValueError: If both processes and a cluster are given.
+        """
+        return chosen_workers(self.processes, self.cluster, usual=1)
 
     def volume_grid(
         self,

@@ -41,6 +41,7 @@ def compare(
     *,
     study: Study | None = None,
     processes: int = 1,
+    cluster: str | None = None,
     command: Sequence[str] = ("pnpct.comparison.compare",),
     progress: Callable[[Iterable[Any], int, str], Iterable[Any]] = unwatched,
 ) -> Comparison:
@@ -56,6 +57,7 @@ def compare(
         study: Doses, lesion, phantoms and seed; `Study()` if None.
         processes: Cases, and then methods on phantoms, that run in parallel. More than one needs
             methods that can be pickled, and a script with `if __name__ == "__main__":`.
+        cluster: Address of the scheduler of a Dask cluster, whose workers take the place of processes.
         command: What is written down as the command.
         progress: From an iterator, how much it yields and what, to the same: shows what is done as it passes.
 
@@ -68,15 +70,15 @@ def compare(
     subjects = list(subjects_of(scans, study))
     if not subjects:
         raise ValueError("A comparison needs at least one scan.")
-    if processes > 1:  # what cannot be had is said before the work
+    if processes > 1 or cluster is not None:  # what cannot be had is said before the work
         _ = [method.packed() for method in methods]
     jobs = phantom_jobs(methods, study)
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
         at_once = min(processes, len(subjects))
-        with closing(compare_scans(folder, subjects, methods, study, processes=at_once)) as made:
+        with closing(compare_scans(folder, subjects, methods, study, processes=at_once, cluster=cluster)) as made:
             by_name = {one.case.name: one for one in progress(made, len(subjects), "Comparing")}
-        with closing(measure_phantoms(folder, jobs, processes=processes)) as made_of_phantoms:
+        with closing(measure_phantoms(folder, jobs, processes=processes, cluster=cluster)) as made_of_phantoms:
             measured = list(progress(made_of_phantoms, len(jobs), "Phantoms"))
         settings = {"study": study.settings, "methods": {each.name: dict(each.settings) for each in methods}}
         provenance = record_run(command, inputs=scans, seed=study.seed, settings=settings)
@@ -88,7 +90,13 @@ def compare(
 
 
 def compare_scans(
-    folder: Path, subjects: Sequence[Subject], methods: Candidates, study: Study, *, processes: int = 1
+    folder: Path,
+    subjects: Sequence[Subject],
+    methods: Candidates,
+    study: Study,
+    *,
+    processes: int = 1,
+    cluster: str | None = None,
 ) -> Generator[OneScan, None, None]:
     """Compare scan by scan, and yield each when it is done; images that an earlier run has made are read.
 
@@ -98,17 +106,19 @@ def compare_scans(
         methods: The methods.
         study: What is asked of them.
         processes: Scans that are worked on at the same time.
+        cluster: Address of the scheduler of a Dask cluster, whose workers take the place of processes.
 
     Raises:
         OSError: If a file cannot be read or written, or a process dies.
         ValueError: If a scan or a setting is not what it should be.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    if processes == 1:
+    if processes == 1 and cluster is None:
         yield from (compare_one_scan(folder, subject, methods, study) for subject in subjects)
         return
     packed = tuple(method.packed() for method in methods)
-    yield from side_by_side(_compare, [(folder, subject, packed, study) for subject in subjects], processes=processes)
+    calls = [(folder, subject, packed, study) for subject in subjects]
+    yield from side_by_side(_compare, calls, processes=processes, cluster=cluster)
 
 
 def _compare(folder: Path, subject: Subject, methods: Sequence[bytes], study: Study) -> OneScan:

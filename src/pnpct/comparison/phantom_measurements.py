@@ -115,7 +115,7 @@ def phantom_jobs(methods: Candidates, study: Study) -> tuple[PhantomJob, ...]:
 
 
 def measure_phantoms(
-    folder: Path, jobs: Sequence[PhantomJob], *, processes: int = 1
+    folder: Path, jobs: Sequence[PhantomJob], *, processes: int = 1, cluster: str | None = None
 ) -> Generator[PhantomMeasurement, None, None]:
     """Yield the measurement of each job when it is done; what an earlier run has measured is read.
 
@@ -123,6 +123,7 @@ def measure_phantoms(
         folder: Of the comparison.
         jobs: The jobs.
         processes: Jobs that are worked on at the same time.
+        cluster: Address of the scheduler of a Dask cluster, whose workers take the place of processes.
 
     Raises:
         OSError: If a file cannot be written, or a process dies.
@@ -134,11 +135,11 @@ def measure_phantoms(
             left.append(job)
         else:
             yield stored
-    if min(processes, len(left)) <= 1:
+    if not left or (processes == 1 and cluster is None):
         yield from (_measure(folder, job) for job in left)
         return
     calls = [(folder, job.method.packed(), job.study, job.tube_current_ma) for job in left]
-    yield from side_by_side(_measure_packed, calls, processes=min(processes, len(left)))
+    yield from side_by_side(_measure_packed, calls, processes=min(processes, len(left)), cluster=cluster)
 
 
 def _stored(path: Path) -> PhantomMeasurement | None:

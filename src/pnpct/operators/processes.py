@@ -1,20 +1,27 @@
-"""Worker processes for long work that falls into parts."""
+"""Worker processes for long work that falls into parts: of this machine, or of a Dask cluster."""
 
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
 
 import torch
 
+from pnpct.operators.same_bytes import VALUE, VARIABLE
+
 Result = TypeVar("Result")
+
+AHEAD = 64
+"""Most calls that `in_order` has under way, or done and not yet yielded."""
 
 
 @contextmanager
@@ -27,8 +34,8 @@ def worker_processes(processes: int) -> Iterator[ProcessPoolExecutor]:
     Args:
         processes: How many, at least 1.
     """
-    before = os.environ.get("MKL_CBWR")
-    os.environ["MKL_CBWR"] = "COMPATIBLE"
+    before = os.environ.get(VARIABLE)
+    os.environ[VARIABLE] = VALUE
     threads = max(1, torch.get_num_threads() // processes)
     context = multiprocessing.get_context("spawn")
     others = multiprocessing.active_children()
@@ -43,13 +50,13 @@ def worker_processes(processes: int) -> Iterator[ProcessPoolExecutor]:
                 raise
     finally:
         if before is None:
-            del os.environ["MKL_CBWR"]
+            del os.environ[VARIABLE]
         else:
-            os.environ["MKL_CBWR"] = before
+            os.environ[VARIABLE] = before
 
 
 def side_by_side(
-    function: Callable[..., Result], calls: Sequence[tuple[Any, ...]], *, processes: int
+    function: Callable[..., Result], calls: Sequence[tuple[Any, ...]], *, processes: int, cluster: str | None = None
 ) -> Generator[Result, None, None]:
     """Yield what a function returns for each of several arguments, in the order in which they are done.
 
@@ -57,16 +64,47 @@ def side_by_side(
         function: Of a module, since it is named to other processes.
         calls: Its arguments, one tuple for each call.
         processes: Calls at the same time, at least 1.
+        cluster: Address of the scheduler of a Dask cluster, whose workers do the work in place of processes here.
 
     Raises:
-        OSError: If a process dies.
+        OSError: If a process dies, or the cluster cannot be reached.
+        ModuleNotFoundError: If Dask is not installed.
     """
-    with worker_processes(processes) as pool:
+    with _workers(processes, cluster) as submit:
         with _held_back_signals():  # while the processes are started
-            jobs = [pool.submit(function, *call) for call in calls]
+            jobs = [submit(function, *call) for call in calls]
+        for job in as_completed(jobs):
+            yield job.result()
+
+
+def in_order(
+    function: Callable[..., Result], calls: Iterable[tuple[Any, ...]], *, processes: int, cluster: str | None = None
+) -> Generator[Result, None, None]:
+    """Yield what a function returns for each of several arguments, in their order; at most `AHEAD` wait to be yielded.
+
+    Arguments and errors are those of `side_by_side`.
+    """
+    with _workers(processes, cluster) as submit:
+        left = iter(calls)
+        with _held_back_signals():
+            jobs = deque(submit(function, *call) for call in islice(left, AHEAD))
+        while jobs:
+            yield jobs.popleft().result()
+            jobs.extend(submit(function, *call) for call in islice(left, 1))
+
+
+@contextmanager
+def _workers(processes: int, cluster: str | None) -> Iterator[Callable[..., Future[Any]]]:
+    """Give what submits a call to the processes or the cluster; calls that are left at the end are dropped."""
+    if cluster is not None:
+        from pnpct.operators.cluster import dask_workers
+
+        with dask_workers(cluster) as submit:
+            yield submit
+        return
+    with worker_processes(processes) as pool:
         try:
-            for job in as_completed(jobs):
-                yield job.result()
+            yield pool.submit
         except BrokenProcessPool as error:
             raise OSError(
                 "A process has died: for lack of memory, then start again with fewer processes; or because a script "

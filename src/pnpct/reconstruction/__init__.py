@@ -13,13 +13,14 @@ from pnpct.reconstruction.methods import (
     reconstruct,
 )
 from pnpct.reconstruction.normal_equations import mean_diagonal
+from pnpct.reconstruction.plane_images import RaysOfViews
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
 from pnpct.reconstruction.tilted_slices import rebin
-from pnpct.reconstruction.volume import SLAB, RaysOfViews, Slab, check_covered, covered_slices, reconstruct_volume
+from pnpct.reconstruction.volume import SLAB, Slab, check_covered, covered_slices, reconstruct_volume
 
 __all__ = [
     "FBP",

@@ -1,26 +1,19 @@
 """From a scan with several detector rows to a volume, a few slices at a time."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import pairwise
-from typing import TypeAlias
+from itertools import chain, pairwise
 
 import numpy as np
 import torch
 
 from pnpct.arrays import Image, Volume
-from pnpct.geometry import ConeBeam, ImageGrid, Plane, PlaneStack, Rebinning, TiltedPlanes, VolumeGrid
+from pnpct.geometry import ConeBeam, ImageGrid, Plane, Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.geometry.plane_stack import Array, spanning
-from pnpct.geometry.tilted_planes import WINDOWS
-from pnpct.operators import Projector
-from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.methods import Method
-from pnpct.reconstruction.tilted_slices import rebinned
-
-RaysOfViews: TypeAlias = Callable[[Sequence[int]], Sinogram]
-"""From the numbers of views to their line integrals and weights: `lambda views: take_log(scan[views], ...)`."""
+from pnpct.reconstruction.plane_images import PlaneImages, RaysOfViews, images_of_stacks
 
 SLAB = 8
 """Slices of a slab."""
@@ -51,20 +44,25 @@ def reconstruct_volume(
     rebinning: Rebinning = "tilted",
     first: int = 0,
     slab: int = SLAB,
+    processes: int = 1,
+    cluster: str | None = None,
 ) -> Iterator[Slab]:
     """Reconstruct planes by a two-dimensional method, and yield the slices between them, from the lowest up.
 
     The planes are those of `TiltedPlanes`. They are reconstructed in groups that have one fan beam, and each pixel is
-    interpolated along z between them. What a slice is does not depend on `first` and `slab`.
+    interpolated along z between them. What a slice is does not depend on `first` and `slab`, nor on who reconstructs
+    the planes.
 
-    At any time it has in memory the rays of three quarters of a turn (of all views, of an axial scan), the images of
-    the planes around a slice (14 at 20 mm a turn), 16 projectors, which all turns share (twice as many where bone is
-    corrected), and what the method needs for one group of planes: with 984 x 900 rays a turn in 32 rows and 512 x 512
-    pixels about 170 + 14 + 400 MB, whatever the number of slices.
+    At any time each process has in memory the rays of three quarters of a turn (of all views, of an axial scan), 16
+    projectors, which all turns share (twice as many where bone is corrected), and what the method needs for one group
+    of planes; this one has the images of the planes around a slice (14 at 20 mm a turn), and those that wait for one
+    before them. With 984 x 900 rays a turn in 32 rows and 512 x 512 pixels that is about 170 + 400 + 14 MB, whatever
+    the number of slices.
 
     Args:
         rays: The line integrals and weights of the views with the given numbers; it is asked for each view once, for a
-            sixteenth of a turn at a time.
+            sixteenth of a turn at a time. Other processes need what can be pickled, here and for the method: values,
+            classes and functions of modules.
         geometry: All views.
         grid: The slices.
         method: What makes the image of a plane.
@@ -76,12 +74,16 @@ def reconstruct_volume(
         rebinning: "tilted", or "single-slice" as the control.
         first: Number of the slice to begin with.
         slab: Slices in what is yielded, at least 1; the last one may have fewer.
+        processes: Processes that share the groups of planes, and the cores, at least 1; each asks for the rays anew.
+        cluster: Address of the scheduler of a Dask cluster, whose workers take the place of these processes.
 
     Yields:
         The slices.
 
     Raises:
-        ValueError: If an option is out of range, or the scan does not cover a slice.
+        OSError: If a process dies, or the cluster cannot be reached.
+        ValueError: If an option is out of range, the scan does not cover a slice, or `rays` or `method` cannot be given
+            to other processes.
     """
     if not (math.isfinite(thickness) and thickness >= 0):
         raise ValueError(f"The thickness of slices is a length in mm from 0 up, got {thickness}.")
@@ -89,6 +91,8 @@ def reconstruct_volume(
         raise ValueError(f"The distance between planes must be a positive length in mm, got {plane_spacing}.")
     if slab < 1:
         raise ValueError(f"A slab has at least one slice, got {slab}.")
+    if processes < 1:
+        raise ValueError(f"A volume needs at least one process, got {processes}.")
     planes = TiltedPlanes(geometry, rebinning)
     check_covered(planes, grid, thickness)
     samples = _samples(planes, grid, thickness)
@@ -101,13 +105,18 @@ def reconstruct_volume(
         grid.heights[-1] + samples[-1] + margin,
         spacing=_spacing(planes, grid, thickness, plane_spacing),
     )
-    images = _images(rays, planes, spanning(stacks, slices[0][0] - margin, math.inf), grid.plane, method, mu_water)
+    stacks = spanning(stacks, slices[0][0] - margin, math.inf)
+    images_of = PlaneImages(rays, planes, grid.plane, method, mu_water)
     made: list[Image] = []
-    for image in _between(images, slices, grid.plane, margin):
-        made.append(image)
-        if len(made) == slab:
-            yield Slab(first, torch.stack(made, dim=-3))
-            first, made = first + slab, []
+    with closing(images_of_stacks(images_of, stacks, processes=processes, cluster=cluster)) as of_stacks:
+        images = chain.from_iterable(
+            zip(stack.planes, each.unbind(-3), strict=True) for stack, each in zip(stacks, of_stacks, strict=True)
+        )
+        for image in _between(images, slices, grid.plane, margin):
+            made.append(image)
+            if len(made) == slab:
+                yield Slab(first, torch.stack(made, dim=-3))
+                first, made = first + slab, []
     if made:
         yield Slab(first, torch.stack(made, dim=-3))
 
@@ -168,36 +177,6 @@ def _samples(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> Array:
     number = max(1, math.ceil(thickness / fine))
     samples: Array = ((np.arange(number) + 0.5) / number - 0.5) * thickness
     return samples
-
-
-def _images(
-    rays: RaysOfViews,
-    planes: TiltedPlanes,
-    stacks: Sequence[PlaneStack],
-    grid: ImageGrid,
-    method: Method,
-    mu_water: float,
-) -> Iterator[tuple[Plane, Image]]:
-    """Yield the images of the planes, from the lowest up."""
-    projector = lru_cache(maxsize=WINDOWS)(lambda fan: Projector(grid, fan, mu_water=mu_water))
-
-    @lru_cache(maxsize=planes.most_blocks)
-    def sinogram_of(block: int) -> Sinogram:
-        return rays(planes.views_of(block).tolist())
-
-    for stack in stacks:
-        views = planes.views(stack)
-        parts = []
-        for block in np.unique(planes.blocks(views)).tolist():
-            measured = planes.views_of(block)
-            wanted = torch.from_numpy(np.isin(measured, views))
-            of_block = rebinned(sinogram_of(block), planes.geometry[measured], stack.planes)
-            bone = sinogram_of(block).bone
-            parts.append([values[..., wanted, :] for values in of_block])
-        line_integrals, weights = (torch.cat(values, dim=-2) for values in zip(*parts, strict=True))
-        sinogram = Sinogram(line_integrals, DiagonalWeights(weights), bone)
-        images = method(sinogram, projector(planes.fan(views))).image
-        yield from zip(stack.planes, images.unbind(-3), strict=True)
 
 
 def _between(

@@ -37,7 +37,9 @@ from pnpct.simulation.scanner import SLICE_THICKNESS, as_exposure, clinical_fan_
 from pnpct.simulation.sources import Source, fingerprint, from_files, is_phantom, procedural_patient
 
 
-def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Iterator[ListedScan]:
+def simulate_dataset(
+    folder: Path, recipe: Recipe, *, processes: int = 1, cluster: str | None = None
+) -> Iterator[ListedScan]:
     """Make a data set, or what is missing of it, and yield each axial scan when its files are there.
 
     After every scan the manifest lists it with the hashes of its files. If it is killed and started again, it
@@ -47,6 +49,7 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
         folder: Output folder; it is created.
         recipe: What it depends on; the same as that of an unfinished data set in the folder.
         processes: Scans that are simulated in parallel.
+        cluster: Address of the scheduler of a Dask cluster, whose workers take the place of processes.
 
     Yields:
         First what earlier runs have made, then each scan when it is done.
@@ -74,7 +77,7 @@ def simulate_dataset(folder: Path, recipe: Recipe, *, processes: int = 1) -> Ite
         write_manifest(folder, Manifest(settings, list(done.values())))
         yield from done.values()
         calls = [(folder, recipe, station) for station in stations if station.name not in done]
-        with closing(side_by_side(_scan, calls, processes=processes)) as made:
+        with closing(side_by_side(_scan, calls, processes=processes, cluster=cluster)) as made:
             for scanned in made:
                 done[scanned.name] = scanned
                 listed = [done[station.name] for station in stations if station.name in done]
