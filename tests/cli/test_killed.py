@@ -5,41 +5,20 @@ import os
 import random
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from killing import contents, finish, start
 
-ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
-PROGRAM = [sys.executable, "-c", "import sys; from pnpct.cli import main; sys.exit(main())"]
 DATASET = "--anatomy head --cases 3 --stations 2 --rows 2 --views 60 --bins 120 --size 48 --tube-voltages-kvp 120"
 TRAIN = "--epochs 3 --fine-tuning-epochs 2 --pairs-per-epoch 2 --batch 2"
 COMPARE = "--iterations 1 --tv-strength 0 --lesion-hu 0 --phantom-repeats 0 --tube-currents-ma 50"
 SIGNALS = [signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL]
 KILLS = int(os.environ.get("PNPCT_KILLS", "4"))
 """At any moment, of each command."""
-
-
-def start(words):
-    """The program, as a process with a group of its own."""
-    words = [*PROGRAM, *map(str, words)]
-    return subprocess.Popen(
-        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, start_new_session=True
-    )
-
-
-def finish(words):
-    with start(words) as process:
-        out, err = process.communicate(timeout=300)
-    assert process.returncode == 0, out + err
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def count(folder: Path) -> int:

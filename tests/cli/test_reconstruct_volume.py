@@ -1,39 +1,21 @@
 """`pnpct reconstruct` for scans with several detector rows."""
 
 import json
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from cone_scans import HELIX, scan_of_water
 
 from pnpct.files import Provenance, SlabFolder, read_image, read_scan, write_scan
-from pnpct.geometry import ConeBeam, Detector, ImageGrid, Trajectory, VolumeGrid
-from pnpct.physics import Scan, take_log
+from pnpct.geometry import ImageGrid, Trajectory, VolumeGrid
+from pnpct.physics import take_log
 from pnpct.reconstruction import FBP, reconstruct_volume
 
-ANGLES = 2 * math.pi / 64 * np.arange(160)
-HELIX = ConeBeam(
-    Trajectory(ANGLES, z=20 * ANGLES / 2 / math.pi),
-    Detector(bins=40, bin_width=15.0, rows=12, row_height=2.4),
-    source_to_isocenter=541.0,
-    source_to_detector=949.0,
-)
-CIRCLE = replace(HELIX, trajectory=Trajectory(ANGLES[:64], z=[10.0] * 64))
+CIRCLE = replace(HELIX, trajectory=Trajectory(HELIX.trajectory.angles[:64], z=[10.0] * 64))
 PLANE = ImageGrid(24, 24, spacing=10.0)
 FBP_OF_20 = ["--method", "fbp", "--slices", "20", "--slice-spacing", "0.5", "--size", "24", "--field-of-view", "240"]
-
-
-def scan_of_water(geometry: ConeBeam) -> Scan:
-    """A cylinder of water, 80 mm in radius, 30 mm aside."""
-    spots = geometry.focal_spots()[:, None, :2]
-    along = geometry.detector_points(geometry.fan_angles)[..., :2] - spots
-    apart = np.array([30.0, 0.0]) - spots
-    aside = (apart[..., 0] * along[..., 1] - apart[..., 1] * along[..., 0]) / np.linalg.norm(along, axis=-1)
-    chords = 2 * np.sqrt(np.maximum(80.0**2 - aside**2, 0))
-    counts = 1e5 * np.exp(-0.02 * np.repeat(chords[:, None], geometry.rows, axis=1))
-    return Scan(torch.from_numpy(counts).float(), torch.tensor(1e5), 3.0, geometry, mu_water=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +108,8 @@ def test_an_axial_scan_is_said_to_be_exact_in_its_middle_only(run, scans, tmp_pa
         ("--thickness -2", "thickness of slices is a length in mm from 0 up, got -2"),
         ("--thickness 200", "No slice of 200 mm is covered"),
         ("--plane-spacing 0", "distance between planes must be a positive length in mm, got 0"),
+        ("--processes 0", "at least one process, got 0"),
+        ("--processes 2 --cluster tcp://127.0.0.1:8786", "--cluster has its own workers; leave out one"),
         ("--center 1", "x and y in mm, and z for a volume, got 1 numbers"),
         ("--center 0 0 500", "covers slices from"),
         ("--field-of-view 2000", "circle of the focal spot"),
@@ -141,7 +125,7 @@ def test_volumes_that_cannot_be(run, scans, tmp_path, words, complaint):
 
 
 def test_slices_have_no_effect_on_a_scan_of_one_plane(run, made, tmp_path):
-    for words in (["--slices", "3"], ["--thickness", "1"], ["--rebinning", "tilted"]):
+    for words in (["--slices", "3"], ["--thickness", "1"], ["--rebinning", "tilted"], ["--processes", "2"]):
         status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--method", "fbp", *words)
         assert status == 2
         assert f"{words[0]} is for scans with several detector rows" in err

@@ -59,6 +59,19 @@ def test_what_killed_writers_have_left_is_removed_and_nothing_else(tmp_path):
 def test_beside_a_file_only_what_has_its_name_is_removed(tmp_path):
     for name in (".0123abcd-a.training", ".0123abcd-a.safetensors", ".0123abcd-b.training", "a.training"):
         (tmp_path / name).touch()
+    (tmp_path / ".0123abcd-a.safetensors.json").touch()
     with sole_writer(tmp_path / "a.safetensors"):
         pass
     assert sorted(path.name for path in tmp_path.iterdir()) == [".0123abcd-b.training", "a.training"]
+
+
+@pytest.mark.parametrize("older", [False, True])
+def test_half_of_a_folder_is_removed(tmp_path, older):
+    series = tmp_path / "series"
+    for folder in (".0123abcd-series", ".0123abcd-series of another", *(["series"] if older else [])):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "0001.dcm").touch()
+    with sole_writer(series):
+        pass
+    left = [path.name for path in sorted(tmp_path.iterdir())]
+    assert left == [".0123abcd-series of another", *(["series"] if older else [])]

@@ -203,7 +203,7 @@ def make_trained(folder: Path) -> None:
     """Add the files of readers that are not `QUICK`, which others than those make."""
     recipe = Recipe(("head",), cases=3, rows=1, tube_voltages_kvp=(120.0,), views=VIEWS, bins=BINS, size=SIZE)
     with patch(
-        "pnpct.simulation.dataset.side_by_side", lambda function, calls, processes: (function(*call) for call in calls)
+        "pnpct.simulation.dataset.side_by_side", lambda function, calls, **workers: (function(*call) for call in calls)
     ):
         list(simulate_dataset(folder / "set", recipe))
     shutil.copy(next((folder / "set" / "train").glob("*.h5")), folder / "slice.h5")

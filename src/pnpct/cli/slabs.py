@@ -11,7 +11,7 @@ import torch
 from pnpct.arrays import Volume
 from pnpct.cli.devices import on_device
 from pnpct.cli.terminal import say, track
-from pnpct.files import Provenance, SlabFolder, read_scan
+from pnpct.files import Provenance, SlabFolder, read_scan, sole_writer
 from pnpct.geometry import VolumeGrid
 from pnpct.physics import Sinogram, take_log
 from pnpct.reconstruction import SLAB, Slab
@@ -52,14 +52,15 @@ def volume_of_slabs(
         The volume.
 
     Raises:
-        OSError: If a slab cannot be written or read.
+        OSError: If a slab cannot be written or read, or another process makes the same volume.
         ValueError: If the slabs that are stored are of another volume.
     """
-    folder = SlabFolder.beside(output, provenance)
-    done = folder.slices
-    if done:
-        say(f"{done} of {grid.slices} slices are done already, in {folder.path}.")
-    for slab in track(slabs(done), total=math.ceil((grid.slices - done) / SLAB), of="Slabs"):
-        folder.write(slab.first, slab.image)
-    yield folder.read()
-    folder.remove()
+    with sole_writer(output):
+        folder = SlabFolder.beside(output, provenance)
+        done = folder.slices
+        if done:
+            say(f"{done} of {grid.slices} slices are done already, in {folder.path}.")
+        for slab in track(slabs(done), total=math.ceil((grid.slices - done) / SLAB), of="Slabs"):
+            folder.write(slab.first, slab.image)
+        yield folder.read()
+        folder.remove()

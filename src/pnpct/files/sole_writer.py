@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ if sys.platform != "win32":
     import fcntl
 
 _TEMPORARY = re.compile(r"\.[0-9a-f]{8}-(.+)")
-"""The names that `atomic_path` gives."""
+"""The names that `atomic_path` and `atomic_folder` give."""
 
 
 @contextmanager
@@ -24,7 +25,8 @@ def sole_writer(path: PathLike) -> Iterator[None]:
     process, however that ends. On Windows, and on file systems without locks, there is none.
 
     Args:
-        path: A folder that is there, for all below it; or a file, for those of the same stem beside it.
+        path: A folder that is there, for all below it and itself; or a file or folder that may come, for what has its
+            stem, or its name and a suffix, beside it.
 
     Raises:
         BlockingIOError: If another process writes there.
@@ -51,10 +53,16 @@ def sole_writer(path: PathLike) -> Iterator[None]:
 
 
 def _remove_unfinished(path: Path) -> None:
-    whole = path.is_dir()
-    for file in path.rglob(".*") if whole else path.parent.glob(".*"):
+    for file in path.rglob(".*") if path.is_dir() else ():
+        if _TEMPORARY.fullmatch(file.name):
+            file.unlink(missing_ok=True)
+    for file in path.parent.glob(".*"):
         temporary = _TEMPORARY.fullmatch(file.name)
-        if temporary and (whole or Path(temporary[1]).stem == path.stem):
+        if not temporary or not (Path(temporary[1]).stem == path.stem or temporary[1].startswith(f"{path.name}.")):
+            continue
+        if file.is_dir():
+            shutil.rmtree(file, ignore_errors=True)
+        else:
             file.unlink(missing_ok=True)
 
 
