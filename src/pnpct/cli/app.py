@@ -28,6 +28,7 @@ COMMANDS = {
     "denoise": "Denoise an image.",
     "evaluate": "Compare an image with the truth.",
     "report": "Show a comparison as one HTML page, and its images as panels.",
+    "view": "Write a volume as one HTML page to scroll through.",
     "compare": "Compare the methods of the paper on the same scans, and report on them.",
     "info": "Describe a file.",
     "doctor": "Describe this installation, for a report of a bug.",

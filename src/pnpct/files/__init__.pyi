@@ -27,6 +27,7 @@ from .import_path import imported, imported_network, is_import_path, where_impor
 from .importers import ImportedScan, import_arrays, scan_from_arrays
 from .manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manifest, write_manifest
 from .named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names, read_network
+from .nifti_file import packed_nifti
 from .onnx_file import export_onnx
 from .provenance import Provenance, record_run, sha256_of, write_sidecar
 from .scan_file import SCAN, read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
@@ -73,6 +74,7 @@ __all__ = [
     "load_network",
     "network_file",
     "network_names",
+    "packed_nifti",
     "patient_and_study",
     "projection_files",
     "read_dicom_series",

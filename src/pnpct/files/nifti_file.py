@@ -47,8 +47,28 @@ def write_nifti(path: PathLike, image_hu: NDArray[np.float64], grid: Grid, prove
     Raises:
         OSError: If the file cannot be written.
     """
+    nifti = _nifti(image_hu.astype(np.float32), grid)
+    nifti.header["descrip"] = f"pnpct {provenance.version}, HU".encode()[:79]
+    nifti.header.extensions.append(nib.nifti1.Nifti1Extension("comment", provenance.to_json().encode()))
+    content = nifti.to_bytes()
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(gzip.compress(content, mtime=0) if Path(path).suffix.lower() == ".gz" else content)
+
+
+def packed_nifti(image_hu: NDArray[np.float64], grid: Grid) -> bytes:
+    """Return an image or a volume as a small .nii.gz to look at: HU in whole numbers, as far as 16 bits hold them.
+
+    Args:
+        image_hu: HU (slices, rows, columns), of one slice for an image.
+        grid: Where the pixels are.
+    """
+    whole = np.rint(image_hu).clip(-32768, 32767).astype(np.int16)
+    return gzip.compress(_nifti(whole, grid).to_bytes(), mtime=0)
+
+
+def _nifti(image_hu: NDArray[Any], grid: Grid) -> Any:
     # From (slice, row, column) to RAS+: the last column is the patient's left, the last row the back.
-    voxels = image_hu[:, ::-1, ::-1].transpose(2, 1, 0).astype(np.float32)
+    voxels = image_hu[:, ::-1, ::-1].transpose(2, 1, 0)
     plane = grid.plane if isinstance(grid, VolumeGrid) else grid
     affine = np.diag([plane.spacing, plane.spacing, 1.0, 1.0])
     affine[:2, 3] = -plane.x[-1], plane.y[-1]
@@ -59,11 +79,7 @@ def write_nifti(path: PathLike, image_hu: NDArray[np.float64], grid: Grid, prove
     nifti.set_sform(affine, code="scanner")
     nifti.set_qform(affine, code="scanner")
     nifti.header.set_xyzt_units(xyz="mm")
-    nifti.header["descrip"] = f"pnpct {provenance.version}, HU".encode()[:79]
-    nifti.header.extensions.append(nib.nifti1.Nifti1Extension("comment", provenance.to_json().encode()))
-    content = nifti.to_bytes()
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(gzip.compress(content, mtime=0) if Path(path).suffix.lower() == ".gz" else content)
+    return nifti
 
 
 def read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:

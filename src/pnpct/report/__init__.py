@@ -1,6 +1,10 @@
-"""Results for readers: a comparison as one offline HTML page, and images beside each other as a picture."""
+"""Results for readers: a comparison as one offline HTML page, and images beside each other as a picture.
+
+Volumes as pages to scroll through.
+"""
 
 from pnpct.report.page import write_report
 from pnpct.report.panels import PanelRow, draw_panels, panel_rows, write_panels
+from pnpct.report.volumes import write_volume_page
 
-__all__ = ["PanelRow", "draw_panels", "panel_rows", "write_panels", "write_report"]
+__all__ = ["PanelRow", "draw_panels", "panel_rows", "write_panels", "write_report", "write_volume_page"]
