@@ -4,16 +4,19 @@ import builtins
 import math
 import os
 import signal
+from pathlib import Path
 
 import pytest
 import torch
 from cone_scans import HELIX, EndsItsWorker, scan_of_water
 
 from pnpct.cli.slabs import RaysOfFile
+from pnpct.comparison import Study, compare
 from pnpct.files import Provenance, write_scan
 from pnpct.geometry import ImageGrid, VolumeGrid
 from pnpct.operators.processes import side_by_side
 from pnpct.reconstruction import FBP, TVPWLS, reconstruct_volume
+from pnpct.simulation import Recipe, simulate_dataset
 
 GRID = VolumeGrid(ImageGrid(24, 24, spacing=10.0), slices=12, slice_spacing=0.5, z=25.0)
 
@@ -53,6 +56,23 @@ def test_a_worker_that_dies_costs_its_task_and_not_the_volume(address, scan, tmp
     made = volume(EndsItsWorker(rays, ended), method, cluster=address)
     assert ended.exists()
     assert torch.equal(made, volume(rays, method))
+
+
+@SLOW
+def test_a_data_set_and_a_comparison_are_those_of_one_process(address, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    recipe = Recipe(("head",), cases=2, rows=1, tube_voltages_kvp=(120.0,), views=24, bins=30, size=16)
+    study = Study(tube_currents_ma=(50.0,), lesion_hu=0.0, phantom_repeats=0)
+    for name, workers in (("one", {}), ("others", {"cluster": address})):
+        scanned = list(simulate_dataset(Path(name), recipe, **workers))
+        scans = [Path(name) / file for scan in scanned for file in scan.files]
+        compare(Path(f"{name} compared"), sorted(scans), {"sharp": FBP("ram-lak")}, study=study, **workers)
+    made = {path.relative_to("one"): path.read_bytes() for path in Path("one").rglob("*.h5")}
+    assert len(made) == 2
+    assert made == {path: (Path("others") / path).read_bytes() for path in made}
+    tables = [Path(f"{name} compared", "metrics.csv").read_text().splitlines() for name in ("one", "others")]
+    one, others = ([row for row in rows if not row.endswith("/seconds")] for rows in tables)
+    assert one == others
 
 
 @SLOW
