@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pnpct.cli.grids import plane_for
 from pnpct.cli.parsing import given_options, option
-from pnpct.denoisers import AcrossSlices
 from pnpct.cli.workers import Cluster, chosen_workers
+from pnpct.denoisers import AcrossSlices
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.reconstruction import TVPWLS, Method, PlugAndPlay, covered_slices

@@ -33,7 +33,7 @@ def dask_workers(address: str) -> Iterator[Callable[..., Future[Any]]]:
     """
     try:
         from distributed import Client, KilledWorker
-        from distributed.comm import get_address_host_port
+        from distributed.comm.addressing import get_address_host_port
     except ModuleNotFoundError as missing:
         raise ModuleNotFoundError(
             "A cluster needs Dask, which is not installed; run: pip install 'pnpct[cluster]'."
