@@ -74,7 +74,10 @@ class ConeProjector(LinearOperator):
         return linear(y, partial(self._apply, transpose=True), self.forward)
 
     def gram_diagonal(self, weights: ConeRays) -> Volume:
-        """Return the diagonal of Aᵀ diag(weights) A: Σᵢ a²ᵢⱼ wᵢ. It has no gradient."""
+        """Return the diagonal of Aᵀ diag(weights) A: Σᵢ a²ᵢⱼ wᵢ. It has no gradient.
+
+        Where strips are wider than two pixels it is too small: they are cut into parts, and a² is summed over these.
+        """
         return self._apply(weights.detach(), transpose=True, squared=True)
 
     def _apply(self, array: Tensor, *, transpose: bool, squared: bool = False) -> Tensor:
