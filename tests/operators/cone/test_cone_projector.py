@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 import torch
-
 from cone_worlds import CIRCLE, DETECTOR, GRID, HELIX, PLANE, WORLDS
+
 from pnpct.geometry import ConeBeam, VolumeGrid
 from pnpct.operators import ConeProjector
 from pnpct.operators.cone.cone_lines import cone_lines

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-
 from cone_worlds import CIRCLE, DETECTOR, PLANE
+
 from pnpct.geometry import ConeBeam, Detector, FanBeam, ImageGrid, Trajectory, VolumeGrid, evenly_spaced_views
 from pnpct.operators import ConeProjector, Projector
 

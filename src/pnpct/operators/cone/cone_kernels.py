@@ -227,7 +227,7 @@ def _overlap_sum(
 
 @intrinsic
 def to_rows(_, sums, at, edge, step, scale, first, count, rays, ray):
-    """Add to WIDTH rows from rays[ray] on `scale` times the slices sums[at …] between edges `edge`, + step, …"""
+    """Add to WIDTH rows from rays[ray] on `scale` times the slices sums[at …] between edges from `edge` on, `step` apart."""
     signature = types.void(sums, at, edge, step, scale, first, count, rays, ray)
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
@@ -248,7 +248,7 @@ def to_rows(_, sums, at, edge, step, scale, first, count, rays, ray):
 
 @intrinsic
 def to_slices(_, rays, ray, edge, step, scale, first, count, target, place, power):
-    """Write to WIDTH slices from target[place] on `scale` times the rows rays[ray …] from `edge`, + step, … slices."""
+    """Write to WIDTH slices from target[place] on `scale` times the rows rays[ray …] with edges from `edge` on."""
     squared = power.count == 2
     signature = types.void(rays, ray, edge, step, scale, first, count, target, place, power)
 

@@ -2,8 +2,8 @@
 
 Seen along the axis the rays of all detector rows are those of one fan beam, and `ray_lines` tabulates their strips. A
 ray to height v of the detector is at the height z_s + t (z_c + v − z_s) at the part t of its way, z_s the height of the
-focal spot and z_c that of the view: t is linear in the rows of the image that the ray crosses. So on each row the edges of
-the detector rows cut the slices at even distances
+focal spot and z_c that of the view: t is linear in the rows of the image that the ray crosses. So on each row the edges
+of the detector rows cut the slices at even distances
 
     e_j = low + t (rise + j step),   j = 0 … detector rows,
 

@@ -84,9 +84,7 @@ class ConeProjector(LinearOperator):
         """Run the kernels for the device on each of a batch, in units of water."""
         kernels = self._kernels(array.device)
         scale = self.mu_water**2 if squared else self.mu_water
-        given, shape = (
-            (self.range_shape, self.domain_shape) if transpose else (self.domain_shape, self.range_shape)
-        )
+        given, shape = (self.range_shape, self.domain_shape) if transpose else (self.domain_shape, self.range_shape)
         answer = array.new_empty((*array.shape[: array.ndim - 3], *shape))
         for source, target in zip(array.reshape(-1, *given), answer.view(-1, *shape), strict=True):
             values: Any = source.float().contiguous()

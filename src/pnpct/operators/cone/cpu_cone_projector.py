@@ -23,8 +23,8 @@ SLAB = 1 << 21
 class CpuConeProjector:
     """Forward and transpose for arrays [slice][row][column] and [view][detector row][bin].
 
-    Beside its argument and its answer it has in memory a copy of the volume, the rays of a slab of views, and 36 bytes for
-    each view and bin: the tables, which would take a sixth of the time if they were made again each time.
+    Beside its argument and its answer it has in memory a copy of the volume, the rays of a slab of views, and 36 bytes
+    for each view and bin: the tables, which would take a sixth of the time if they were made again each time.
     """
 
     def __init__(self, grid: VolumeGrid, geometry: ConeBeam) -> None:

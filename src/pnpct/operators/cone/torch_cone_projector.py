@@ -1,4 +1,4 @@
-"""The projector of a cone beam in plain torch operations: for any device, and the reference for the compiled kernels."""
+"""A cone beam's projector in plain torch operations: for any device, and the reference for the compiled kernels."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
