@@ -33,7 +33,7 @@ class Projector(LinearOperator):
 
     Args:
         grid: Where the pixels are.
-        geometry: Where the rays are: a fan beam; there is no projector of a cone beam.
+        geometry: Where the rays are: a fan beam; `ConeProjector` is that of a cone beam.
         mu_water: Attenuation of water at the effective energy, 1/mm, > 0; 1 gives path lengths in mm.
         method: "distance-driven", free of aliasing at every pixel size, or "joseph", a little faster.
 

@@ -227,7 +227,7 @@ def _overlap_sum(
 
 @intrinsic
 def to_rows(_, sums, at, edge, step, scale, first, count, rays, ray):
-    """Add to WIDTH rows from rays[ray] on `scale` times the slices sums[at …] between edges from `edge` on, `step` apart."""
+    """Write to WIDTH slices from target[place] `scale` times the rows rays[ray …] with edges from `edge` on."""
     signature = types.void(sums, at, edge, step, scale, first, count, rays, ray)
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
