@@ -1,9 +1,10 @@
-"""Linear operators: the projector with its exact adjoint, and the two steps of filtered back-projection."""
+"""Linear operators: the projectors with their exact adjoints, and the two steps of filtered back-projection."""
 
+from pnpct.operators.cone.cone_projector import ConeProjector
 from pnpct.operators.fan_backprojector import FanBackprojector
 from pnpct.operators.linear_operator import LinearOperator
 from pnpct.operators.projector import Projector
 from pnpct.operators.ramp_filter import Kernel, ramp_filter
 from pnpct.operators.ray_lines import Method
 
-__all__ = ["FanBackprojector", "Kernel", "LinearOperator", "Method", "Projector", "ramp_filter"]
+__all__ = ["ConeProjector", "FanBackprojector", "Kernel", "LinearOperator", "Method", "Projector", "ramp_filter"]

@@ -1,6 +1,6 @@
 """The projector of a fan beam: line integrals of an image, their exact adjoint, and gradients through both."""
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, final
 
 import torch
@@ -10,6 +10,7 @@ from typing_extensions import override
 from pnpct.arrays import Image, Rays
 from pnpct.geometry import Geometry, ImageGrid, require_fan_beam
 from pnpct.operators.cpu_projector import CpuProjector
+from pnpct.operators.gradients import linear
 from pnpct.operators.linear_operator import LinearOperator
 from pnpct.operators.ray_lines import Method, check_reach, ray_lines
 from pnpct.operators.torch_projector import TorchProjector
@@ -32,7 +33,7 @@ class Projector(LinearOperator):
 
     Args:
         grid: Where the pixels are.
-        geometry: Where the rays are: a fan beam; there is no projector of a cone beam.
+        geometry: Where the rays are: a fan beam; `ConeProjector` is that of a cone beam.
         mu_water: Attenuation of water at the effective energy, 1/mm, > 0; 1 gives path lengths in mm.
         method: "distance-driven", free of aliasing at every pixel size, or "joseph", a little faster.
 
@@ -72,14 +73,12 @@ class Projector(LinearOperator):
     @override
     def forward(self, x: Image) -> Rays:
         """Return the line integrals of an image relative to water; dimensionless."""
-        answer: Tensor = _Project.apply(x, self)  # type: ignore[no-untyped-call]
-        return answer
+        return linear(x, partial(self._apply, transpose=False), self.adjoint)
 
     @override
     def adjoint(self, y: Rays) -> Image:
         """Return Aᵀ y."""
-        answer: Tensor = _BackProject.apply(y, self)  # type: ignore[no-untyped-call]
-        return answer
+        return linear(y, partial(self._apply, transpose=True), self.forward)
 
     def gram_diagonal(self, weights: Rays) -> Image:
         """Return the diagonal of Aᵀ diag(weights) A: Σᵢ a²ᵢⱼ wᵢ. It has no gradient."""
@@ -104,25 +103,3 @@ class Projector(LinearOperator):
         if device.type == "cpu":
             return CpuProjector(tables, self.grid.shape, rays)
         return TorchProjector(tables, self.grid.shape, rays, device)
-
-
-class _Project(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, image: Tensor, projector: Projector) -> Tensor:
-        ctx.projector = projector
-        return projector._apply(image.detach(), transpose=False)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
-        return ctx.projector.adjoint(gradients[0]), None
-
-
-class _BackProject(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, rays: Tensor, projector: Projector) -> Tensor:
-        ctx.projector = projector
-        return projector._apply(rays.detach(), transpose=True)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
-        return ctx.projector.forward(gradients[0]), None

@@ -45,7 +45,7 @@ class Vector:
     def call(self, name: str, *operands: Any) -> Any:
         signature = ir.FunctionType(self.type, [self.type] * len(operands))
         function = cgutils.get_or_insert_function(self.builder.module, signature, f"llvm.{name}.v{self.size}f32")
-        return self.builder.call(function, operands)
+        return self.builder.call(function, operands, fastmath=FREE)
 
     def clip(self, value: Any, low: Any, high: Any) -> Any:
         return self.call("minnum", self.call("maxnum", value, low), high)

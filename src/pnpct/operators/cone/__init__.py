@@ -1,0 +1,1 @@
+"""The projector of a cone beam: tables of lines, compiled kernels, and the same in plain torch operations."""
