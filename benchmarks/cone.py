@@ -28,11 +28,11 @@ GRID = VolumeGrid(ImageGrid(512, 512, spacing=500 / 512), 32, 0.625)
 
 @njit(fastmath=True)
 def plain(volume, lines, cells, heights, rows, rays, transpose):
-    """Sum every ray [view][row][bin] over rows of a volume [slice][row][column], or the transpose."""
+    """Sum every ray [view][row][bin] over rows of a volume [row][column][slice], or the transpose."""
     edge, slope, width, widening, length = lines
     number, view, part, change, nearness = cells
     low, rise, step, above = heights
-    slices, height, cols = volume.shape
+    height, cols, slices = volume.shape
     bins = rays.shape[2]
     for strip in range(len(edge)):
         seen, cell_bin = view[strip], number[strip] % bins
@@ -55,26 +55,27 @@ def plain(volume, lines, cells, heights, rows, rays, transpose):
                         up = min(bottom + tall, z + 1) - max(bottom, z)
                         share = np.float32(across * up / (wide * tall))
                         if transpose:
-                            volume[z, line, col] += share * value
+                            volume[line, col, z] += share * value
                         else:
-                            total += share * volume[z, line, col]
+                            total += share * volume[line, col, z]
             if not transpose:
                 rays[seen, row, cell_bin] = total * path
 
 
 def plain_pair(geometry: ConeBeam, volume: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     heights = view_heights(GRID, geometry)
-    projected, back = np.zeros(geometry.shape, np.float32), np.zeros(GRID.shape, np.float32)
+    volume = np.ascontiguousarray(np.moveaxis(volume, 0, -1))
+    projected, back = np.zeros(geometry.shape, np.float32), np.zeros_like(volume)
     for table in cone_lines(GRID, geometry):
         strips = table.strips
         lines = (strips.edge, strips.slope, strips.width, strips.widening, strips.length)
         cells = (strips.measured[:, 0], table.view, table.part, table.change, table.nearness)
         levels = (heights.low, heights.rise, heights.step, heights.cells)
         turn = strips.turns[0]
-        turned = np.rot90(volume, -turn, (1, 2))
+        turned = np.rot90(volume, -turn)
         plain(turned, lines, cells, levels, geometry.rows, projected, False)
-        plain(np.rot90(back, -turn, (1, 2)), lines, cells, levels, geometry.rows, rays, True)
-    return projected, back
+        plain(np.rot90(back, -turn), lines, cells, levels, geometry.rows, rays, True)
+    return projected, np.moveaxis(back, -1, 0)
 
 
 def seconds(call) -> float:
@@ -93,7 +94,8 @@ def compare(views: int, rounds: int) -> None:
     few_y = torch.rand(few.shape)
     projected, back = plain_pair(few, x.numpy(), few_y.numpy())
     for ours, theirs in ((B(x), projected), (B.T(few_y), back)):
-        print(f"Difference from the plain loop: {float((ours - torch.from_numpy(theirs)).norm() / ours.norm()):.1e}")
+        difference = (ours - torch.from_numpy(theirs.copy())).norm() / ours.norm()
+        print(f"Difference from the plain loop: {float(difference):.1e}")
     A(x), A.T(y)
     times: dict[str, list[float]] = {"forward": [], "adjoint": [], "plain pair": []}
     for _ in range(rounds):

@@ -58,7 +58,9 @@ class TorchConeProjector:
         rays = volume.new_zeros(self._geometry.shape)
         turned = [pad(torch.rot90(volume, -turn, (1, 2)), (_LEFT, _RIGHT)).flatten(1) for turn in (0, 1)]
         for piece in self._pieces():
-            slices = sum(turned[piece.turn][:, piece.place + tap] * piece.weights[tap] for tap in range(_TAPS))
+            pixels = turned[piece.turn]
+            taps = [pixels[:, piece.place + tap] * piece.weights[tap] for tap in range(_TAPS)]
+            slices = sum(taps[1:], taps[0])
             groups = slices.new_zeros(*slices.shape[:2], piece.overlaps.shape[1]).index_add_(2, piece.group, slices)
             values = torch.einsum("zcg,cgrz->rc", groups, piece.overlaps) * piece.path.T
             rays[piece.view].index_add_(1, piece.bins, values)
