@@ -1,4 +1,4 @@
-"""`pnpct train`: from a data set or a scan to the file of a network."""
+"""`pnpct train`: from a data set to the file of a network."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from pnpct.cli.train import Train
 from pnpct.cli.training_options import TrainingOptions
 from pnpct.files import load_network, sha256_of
 from pnpct.files.training_file import write_training
-from pnpct.training import METHODS, SingleScan, TwoStage
+from pnpct.training import METHODS, ImagePairs, NeighbouringSlices, SingleScan, Supervised, TwoStage
 
 TRAIN = "--epochs 2 --fine-tuning-epochs 1 --pairs-per-epoch 2 --batch 2"
 
@@ -224,13 +224,17 @@ def test_every_option_arrives_in_the_method() -> None:
     given |= {"contrast_weight": 0.2, "examples": 9, "cache": Path("images"), "lowest_ma": 30.0, "highest_ma": 40.0}
     given |= {"reference": "noise-free", "discount": 2.0}
 
-    def method(words: str) -> TwoStage | SingleScan:
+    def method(words: str) -> Supervised | SingleScan | NeighbouringSlices:
         return parse(Train, ["data", "a.safetensors", *words.split()], program="pnpct").chosen_method()
 
     assert method(f"{shared} {words}") == TwoStage(**of_all, **given)
     assert method(f"{shared} --bfloat16 --method single-scan --parts 3") == SingleScan(**of_all, parts=3)
+    images = "--low quarter --validation L2 L3 --high full"
+    assert method(f"{shared} --bfloat16 --method image-pairs {images}") == ImagePairs(
+        **of_all, low="quarter", high="full", validation=("L2", "L3")
+    )
     options = {field.name for field in fields(TrainingOptions)}
-    assert options == {*of_all, *given, "parts", "method"}
+    assert options == {*of_all, *given, "parts", "low", "high", "validation", "method"}
     assert options == {"method"} | {field.name for kind in METHODS.values() for field in fields(kind)}
 
 
