@@ -1,6 +1,6 @@
 import torch
-from cone_worlds import HELIX, PLANE
 
+from cone_worlds import HELIX, PLANE
 from pnpct.geometry import VolumeGrid
 from pnpct.operators import ConeProjector
 from pnpct.physics import DiagonalWeights
