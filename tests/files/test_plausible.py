@@ -6,7 +6,9 @@ import pytest
 import torch
 
 from pnpct.files import FileFormatError, Provenance, import_arrays, read_image, write_image
+from pnpct.files.plausible import doubt_of_image
 from pnpct.geometry import ImageGrid
+from pnpct.units import from_hu
 
 TURN = {"source_to_isocenter_mm": 570, "source_to_detector_mm": 1040, "bins": 8, "bin_width_mm": 60, "views": 12}
 
@@ -90,3 +92,21 @@ def test_an_image_that_has_diverged_is_not_written(tmp_path, suffix):
             tmp_path / f"a{suffix}", torch.full((4, 4), 1e300, dtype=torch.float64), ImageGrid(4, 4, spacing=1.0)
         )
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "message"),
+    [
+        (-1000, 1500, ""),
+        (-1024, 30_000, ""),  # metal
+        (-150, 150, ""),  # a patch of soft tissue
+        (20, 90, ""),
+        (0, 1, "are they of another unit, such as 1/cm or 0 to 1"),
+        (24, 2500, "are they stored values, without the intercept of -1024"),
+        (-1_001_000, 499_000, "are they HU that were taken for attenuation relative to water"),
+    ],
+)
+def test_an_image_that_looks_like_another_unit_is_doubted_with_the_likely_mistake(low, high, message):
+    doubt = doubt_of_image(from_hu(torch.linspace(low, high, 64).reshape(8, 8)))
+    assert message in doubt
+    assert bool(message) == bool(doubt)

@@ -1,3 +1,4 @@
+import copy
 import math
 from dataclasses import replace
 
@@ -102,6 +103,19 @@ def test_gradients_are_the_adjoint_and_the_projector(generator):
     torch.testing.assert_close(again, A(x.detach()))
     (of_adjoint,) = torch.autograd.grad((A.T(y) * x.detach()).sum(), y)
     torch.testing.assert_close(of_adjoint, A(x.detach()))
+
+
+def test_a_projector_is_a_layer_that_follows_its_input(generator):
+    A = Projector(GRID, FAN)
+    x = torch.rand(GRID.shape, generator=generator)
+    assert A.to("cpu") is A
+    assert torch.equal(A @ x, A(x))
+    assert torch.equal(A.T @ (A @ x), A.T(A(x)))
+    layer = torch.nn.Module()
+    layer.A = A
+    torch.testing.assert_close(copy.deepcopy(layer).to(torch.float64).A @ x, A(x))  # as training copies networks
+    with pytest.raises(ValueError, match="Projector takes arrays that end in"):
+        A @ (A @ x)
 
 
 def test_a_batch_is_its_slices(world, generator):

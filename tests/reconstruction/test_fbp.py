@@ -96,6 +96,38 @@ def test_turned_lanes_and_plain_torch_give_the_same_backprojection(generator):
             torch.testing.assert_close(back_project(rays), expected, rtol=1e-4, atol=1e-4 * float(expected.max()))
 
 
+def few_rays(name: str) -> FanBeam:
+    geometry = SCANS[name]
+    shifts = geometry.focal_spot_shifts and geometry.focal_spot_shifts[::41]
+    coarse = {"bins": round(0.1 * geometry.bins), "bin_width": 10.0, "detector_offset": 0.1 * geometry.detector_offset}
+    return replace(geometry, view_angles=geometry.view_angles[::41], focal_spot_shifts=shifts, **coarse)
+
+
+@pytest.mark.parametrize("name", SCANS)
+def test_the_gradient_of_fbp_is_its_transpose_and_the_gradient_of_that_is_fbp(name, generator):
+    geometry, grid = few_rays(name), ImageGrid(24, 20, spacing=16.0, center=(20.0, 5.0))
+    A = Projector(grid, geometry, mu_water=MU_WATER)
+    y = torch.randn(2, *geometry.shape, generator=generator).requires_grad_()
+    x = torch.randn(2, *grid.shape, generator=generator).requires_grad_()
+    image = fbp(y, A, kernel="hann")
+    (gradient,) = torch.autograd.grad((image * x).sum(), y, create_graph=True)
+    inner, scale = (image * x).sum().item(), (image.norm() * x.norm()).item()
+    assert abs((gradient * y).sum().item() - inner) < 1e-5 * scale
+    (again,) = torch.autograd.grad((gradient * y.detach()).sum(), x)
+    torch.testing.assert_close(again, image.detach(), rtol=1e-4, atol=1e-5 * float(image.detach().abs().max()))
+
+
+def test_back_projection_has_an_adjoint_on_every_grid(generator):
+    for name in ("arc, full turn", "flat, short scan"):  # a square grid takes turned lanes where it can
+        for grid in (ImageGrid(30, 30, spacing=14.0), ImageGrid(21, 30, spacing=10.0, center=(20.0, 5.0))):
+            back_project = FanBackprojector(grid, few_rays(name))
+            q = torch.randn(3, *back_project.domain_shape, generator=generator)
+            g = torch.randn(3, *grid.shape, generator=generator)
+            image = back_project @ q
+            difference = (image * g).sum() - (q * (back_project.T @ g)).sum()
+            assert abs(difference.item()) < 1e-5 * (image.norm() * g.norm()).item()
+
+
 def test_what_fbp_cannot_do_is_said():
     moving = replace(FAN, view_angles=(0.0, 1.0), focal_spot_shifts=[(1.0, 0.0), (0.0, 0.0)])
     with pytest.raises(ValueError, match="focal spot that stays in place"):

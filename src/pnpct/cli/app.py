@@ -27,6 +27,7 @@ COMMANDS = {
     "reconstruct": "Reconstruct the image of a scan.",
     "denoise": "Denoise an image.",
     "evaluate": "Compare an image with the truth.",
+    "measure": "Measure noise, sharpness and detectability on images of a phantom.",
     "report": "Show a comparison as one HTML page, and its images as panels.",
     "view": "Write a volume as one HTML page to scroll through.",
     "compare": "Compare the methods of the paper on the same scans, and report on them.",

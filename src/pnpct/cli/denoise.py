@@ -25,8 +25,8 @@ class Denoise(DenoiserOptions, ImageOptions):
     """Denoise an image, or each slice of a volume.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz, or a folder with a CT series in DICOM; pnpct's networks expect FBP with
-            the sharpest kernel (ram-lak).
+        image: The image, .h5, .nii or .nii.gz, or .npz with hu [slices, rows, cols], z_mm and spacing_mm, or a folder
+            with a CT series in DICOM; pnpct's networks expect FBP with the sharpest kernel (ram-lak).
         denoised: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at; a name without
             a suffix, or with a slash at its end, is a folder for a DICOM series, which keeps the patient, the study
             and the positions of a series that was read.

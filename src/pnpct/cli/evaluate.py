@@ -11,10 +11,17 @@ from pnpct.cli.artefact import NUMBERS, check_output, finish
 from pnpct.cli.image_input import image_of
 from pnpct.cli.parsing import option
 from pnpct.cli.scores import say_scores, write_scores
-from pnpct.cli.terminal import working
+from pnpct.cli.terminal import say, working
 from pnpct.cli.truth import on_one_grid, truth_of
-from pnpct.comparison import fidelity_values, histogram_values, score_definitions, texture_values
+from pnpct.comparison import (
+    fidelity_values,
+    histogram_values,
+    score_definitions,
+    texture_values,
+    why_no_texture,
+)
 from pnpct.files import record_run
+from pnpct.files.plausible import doubt_of_image
 
 
 @dataclass(frozen=True)
@@ -24,10 +31,12 @@ class Evaluate:
     Errors are in HU: over the whole image, the body and soft tissue, and by HU range of the truth. psnr (dB) and ssim
     in the body have the level and width of their window in their names. The scores of ldct-benchmark in its three
     windows and of LoDoPaB on whole slices follow, the earth mover's distance between the histograms of the body, and
-    the texture (GLCM) of soft-tissue patches. Tissues that the truth lacks have no number.
+    the texture (GLCM) of soft-tissue patches. Tissues that the truth lacks have no number. Values that look like
+    another unit are named.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz, or a folder with a CT series in DICOM.
+        image: The image, .h5, .nii or .nii.gz, or .npz with hu [slices, rows, cols], z_mm and spacing_mm, or a folder
+            with a CT series in DICOM.
         truth: The truth, on the same grid: an image or a series likewise, or a scan with its truth inside.
         numbers: File for the numbers, .json; they are printed in any case.
         series: SeriesInstanceUID of the image, where its folder holds several series.
@@ -47,7 +56,12 @@ class Evaluate:
         with working("Measuring"):
             image, truth = on_one_grid(image_of(self.image, self.series), truth_of(self.truth, self.truth_series))
             values = fidelity_values(image, truth) | histogram_values(image, truth) | texture_values(image, truth)
+        for path, each in ((self.image, image), (self.truth, truth)):
+            if doubt := doubt_of_image(each):
+                say(f"{path}: {doubt}")
         say_scores({self.image.name: values})
+        if values["glcm_contrast"] is None:
+            say(f"No texture: {why_no_texture(truth)}")
         if self.numbers:
             write_scores(self.numbers, values)
             settings = {"scores": score_definitions()}

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pnpct.arrays import Image, Volume
 from pnpct.cli.terminal import say
-from pnpct.files import evenly_spaced, read_dicom_series, read_image
+from pnpct.files import evenly_spaced, read_dicom_series, read_image, read_volume
 from pnpct.geometry import Grid
 
 
@@ -14,17 +14,19 @@ def image_of(path: Path, series_uid: str | None = None) -> tuple[Image | Volume,
     A series of one slice without a thickness is an image.
 
     Args:
-        path: An image file, or a folder of DICOM images.
+        path: An image file, .npz with hu, z_mm and spacing_mm among them, or a folder of DICOM images.
         series_uid: SeriesInstanceUID of the series to read, where the folder holds several.
 
     Raises:
         OSError: If it cannot be read.
         ValueError: If it is no image, or a series is chosen where there is no folder.
     """
-    if not path.is_dir():
-        check_series(path, series_uid)
+    check_series(path, series_uid)
+    if path.suffix.lower() == ".npy":
+        raise ValueError(f"{path} does not say where its pixels are; save hu, z_mm and spacing_mm by numpy.savez.")
+    if not path.is_dir() and path.suffix.lower() != ".npz":
         return read_image(path)
-    series = evenly_spaced(read_dicom_series(path, series_uid=series_uid))
+    series = evenly_spaced(read_dicom_series(path, series_uid=series_uid) if path.is_dir() else read_volume(path))
     for note in series.notes:
         say(note)
     if len(series.z) == 1 and series.slice_thickness is None:

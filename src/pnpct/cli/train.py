@@ -1,10 +1,12 @@
-"""`pnpct train`: from a data set, or from one scan, to the weights of a denoiser."""
+"""`pnpct train`: from a data set, one scan, or images of patients, to the weights of a denoiser."""
 
+import json
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import torch
 from torch import nn
@@ -32,6 +34,7 @@ from pnpct.files.checkpoint import SUFFIX
 from pnpct.files.training_file import read_training, write_training
 from pnpct.training import (
     Epoch,
+    NeighbouringSlices,
     SingleScan,
     Supervised,
     TrainingPlan,
@@ -40,16 +43,19 @@ from pnpct.training import (
     training_curves,
 )
 
+Method: TypeAlias = Supervised | SingleScan | NeighbouringSlices
+
 
 @dataclass(frozen=True)
 class Train(TrainingOptions):
-    """Train a denoiser on a data set, in the two stages of the paper or on dose pairs alone, or on a single scan.
+    """Train a denoiser on a data set, in the two stages of the paper or on dose pairs alone, a scan, or own images.
 
     After each epoch the state is saved beside the network, in .training; a run that was killed resumes from there.
     Several processes started by torchrun share each batch.
 
     Args:
-        data: Data set of `pnpct simulate dataset` (a folder); for the method single-scan the scan, .h5.
+        data: Data set of `pnpct simulate dataset` (a folder); for the method single-scan the scan, .h5; for image-pairs
+            and neighbouring-slices a folder with a folder for each patient.
         network: File for the trained network, .safetensors.
         size: Size of the paper's network, or red-cnn; --begin-with has a size of its own.
         noise_input: Make a noise-conditioned network; its input is the noise of FBP with the sharpest kernel (ram-lak),
@@ -79,7 +85,7 @@ class Train(TrainingOptions):
             training_curves(self.tensorboard if rank == 0 else None) as draw,
         ):
             network = self._network().to(device)
-            settings = {**method.settings(), **self._settings()}
+            settings = {**method.settings(), **self._settings(method)}
             state = from_first(lambda: read_training(state_file, settings=settings) if state_file.exists() else {})
             after, losses = (Epoch(**state["epoch"]), state["losses"]) if state else (None, [])
             plan = self._plan(method, network)
@@ -131,18 +137,30 @@ class Train(TrainingOptions):
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # faster on CPUs
         return network
 
-    def _settings(self) -> dict[str, Any]:
+    def _settings(self, method: Method) -> dict[str, Any]:
         """All that the weights depend on besides the options of the method."""
         begin_with = self.begin_with
         if begin_with and not is_import_path(begin_with):
             begin_with = sha256_of(network_file(begin_with))
         size = None if begin_with else self.size or "small"
         network = {"size": size, "noise_input": self.noise_input, "begin_with": begin_with}
-        return {"method": self.method, **network, "data": self._fingerprint()}
+        return {"method": self.method, **network, **self._fingerprints(method)}
 
-    def _fingerprint(self) -> str:
+    def _fingerprints(self, method: Method) -> dict[str, Any]:
+        """What the data are: of a folder of patients the SHA-256 of each, those of all, and who is held out."""
+        if not isinstance(method, NeighbouringSlices):
+            return {"data": self._fingerprint(method)}
+        if not self.data.is_dir():
+            raise ValueError(
+                f"{self.data} is no folder; --method {self.method} needs one with a folder for each patient."
+            )
+        with working("Reading"):
+            patients = method.fingerprints(self.data)
+        return {"data": sha256(json.dumps(patients).encode()).hexdigest(), "patients": patients}
+
+    def _fingerprint(self, method: Supervised | SingleScan) -> str:
         """The SHA-256 of the data set's manifest, or of the scan."""
-        if self.method == "single-scan":
+        if isinstance(method, SingleScan):
             if self.data.is_dir():
                 raise ValueError(f"{self.data} is a folder, but --method single-scan needs the file of a scan.")
             return sha256_of(self.data)
@@ -154,7 +172,10 @@ class Train(TrainingOptions):
             raise ValueError(f"{self.data} holds no data set; make one by pnpct simulate dataset.")
         return sha256_of(self.data / MANIFEST)
 
-    def _plan(self, method: Supervised | SingleScan, network: nn.Module) -> TrainingPlan:
+    def _plan(self, method: Method, network: nn.Module) -> TrainingPlan:
+        if isinstance(method, NeighbouringSlices):
+            with working("Reading"):
+                return method.plan(network, self.data)
         if not isinstance(method, SingleScan):
             return method.plan(network, self.data)
         scan = read_scan(self.data)

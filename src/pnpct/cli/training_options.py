@@ -6,7 +6,16 @@ from typing import Annotated, Literal
 
 from pnpct.cli.options import check_effect
 from pnpct.cli.parsing import given_options, option
-from pnpct.training import METHODS, Form, ReferenceName, SingleScan, Supervised, TwoStage
+from pnpct.training import (
+    METHODS,
+    Form,
+    ImagePairs,
+    NeighbouringSlices,
+    ReferenceName,
+    SingleScan,
+    Supervised,
+    TwoStage,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,7 +24,8 @@ class TrainingOptions:
 
     Args:
         method: two-stage is Noise2Noise, then fine-tuning on dose pairs; supervised has dose pairs alone; single-scan
-            is Noise2Inverse between subsets of the views of one scan.
+            is Noise2Inverse between subsets of the views of one scan; image-pairs takes images of your own patients at
+            low and at high dose, neighbouring-slices low-dose series of theirs alone.
         epochs: Epochs of Noise2Noise, or of the only stage.
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
         batch: Batch size, pairs per optimizer step.
@@ -25,6 +35,10 @@ class TrainingOptions:
         bfloat16: Compute in bfloat16 where that is accurate enough.
         seed: Seed of the weights and of all pairs.
         parts: Subsets that the views are divided into, for single-scan; each has at least 30 views.
+        low: Name of the low-dose images in the folder of each patient, for image-pairs and neighbouring-slices: a
+            folder of a DICOM series, or a file (.h5, .nii, .nii.gz, .npz, .npy) by its name without the suffix.
+        high: Name of the high-dose images, for image-pairs.
+        validation: Patients to validate on, by the names of their folders; a fifth of them, drawn, if not given.
         also: Further data sets to train on.
         loop_denoiser: Network in the ADMM loop that half of the noisy images are taken from; total variation of random
             strength if not given.
@@ -44,7 +58,7 @@ class TrainingOptions:
         discount: Power of the noise that noisy pairs are down-weighted by, 0 to 4; 0 weighs all pairs alike.
     """
 
-    method: Literal["two-stage", "supervised", "single-scan"] = "two-stage"
+    method: Literal["two-stage", "supervised", "single-scan", "image-pairs", "neighbouring-slices"] = "two-stage"
     epochs: int = TwoStage.epochs
     pairs_per_epoch: int = TwoStage.pairs_per_epoch
     batch: int = TwoStage.batch
@@ -54,6 +68,9 @@ class TrainingOptions:
     bfloat16: bool = TwoStage.bfloat16
     seed: int = TwoStage.seed
     parts: Annotated[int | None, option(default=SingleScan.parts)] = None
+    low: Annotated[str | None, option(default=ImagePairs.low)] = None
+    high: Annotated[str | None, option(default=ImagePairs.high)] = None
+    validation: tuple[str, ...] | None = None
     also: Annotated[tuple[Path, ...] | None, option(default="none")] = None
     loop_denoiser: str | None = None
     loop_iterations: Annotated[int | None, option(default=TwoStage.loop_iterations)] = None
@@ -69,7 +86,7 @@ class TrainingOptions:
     reference: Annotated[ReferenceName | None, option(default=TwoStage.reference)] = None
     discount: Annotated[float | None, option(default=TwoStage.discount)] = None
 
-    def chosen_method(self) -> TwoStage | Supervised | SingleScan:
+    def chosen_method(self) -> Supervised | SingleScan | NeighbouringSlices:
         """Return the method with the options that were given.
 
         Raises:

@@ -3,7 +3,13 @@
 from pnpct.comparison.all_scans import compare, compare_scans, summarise
 from pnpct.comparison.image_hash import image_sha256
 from pnpct.comparison.imported_methods import imported_methods
-from pnpct.comparison.measures import fidelity_values, histogram_values, score_definitions, texture_values
+from pnpct.comparison.measures import (
+    fidelity_values,
+    histogram_values,
+    score_definitions,
+    texture_values,
+    why_no_texture,
+)
 from pnpct.comparison.methods import (
     Candidate,
     Candidates,
@@ -70,6 +76,7 @@ __all__ = [
     "subjects_of",
     "summarise",
     "texture_values",
+    "why_no_texture",
     "write_comparison",
     "write_table",
 ]

@@ -123,6 +123,19 @@ def texture_values(image: Image, truth: Float[Tensor, "..."]) -> Values:
     return {f"glcm_{name}": float(np.mean([getattr(each, name) for each in measured])) for name in FEATURES}
 
 
+def why_no_texture(truth: Float[Tensor, "..."]) -> str:
+    """Return why `texture_values` has no number on a truth, and what would be needed, in a sentence."""
+    spec = GLCMSpec()
+    rows, cols = truth.shape[-2:]
+    if min(rows, cols) < spec.patch:
+        return f"patches have {spec.patch} x {spec.patch} pixels, the images only {rows} x {cols}."
+    low, high = spec.tissue
+    return (
+        f"no patch of {spec.patch} x {spec.patch} pixels of the truth lies {spec.margin} pixels below the skin, "
+        f"with {low:g} to {high:g} HU throughout and a spread below {spec.spread:g} HU; a noisy truth has none."
+    )
+
+
 def _measured(metrics: Mapping[str, Metric], image: Image, truth: Tensor) -> Values:
     values: Values = {}
     for name, metric in metrics.items():

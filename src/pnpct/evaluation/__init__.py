@@ -16,7 +16,7 @@ from pnpct.evaluation.data.realisations import (
 )
 from pnpct.evaluation.data.score_test import Finding, ScoreTest, score_test, score_threshold
 from pnpct.evaluation.image.errors import METRICS, WINDOWS, Metric, bias_hu, evaluate, psnr, rmse_hu, ssim
-from pnpct.evaluation.image.patches import Patch, tile_patches
+from pnpct.evaluation.image.patches import Patch, patches_in_square, tile_patches
 from pnpct.evaluation.image.published_scores import (
     psnr_ldctbench,
     psnr_lodopab,
@@ -44,6 +44,7 @@ from pnpct.evaluation.observers.dose import (
 )
 from pnpct.evaluation.observers.eye_filter import EyeFilter, Spectrum
 from pnpct.evaluation.observers.lesion_recovery import LesionRecovery, insert_lesion, lesion_recovery
+from pnpct.evaluation.observers.matched_filter import matched_filter_d_prime
 from pnpct.evaluation.observers.model_observers import (
     Detectability,
     channelised_hotelling,
@@ -51,6 +52,7 @@ from pnpct.evaluation.observers.model_observers import (
     matched_filter,
 )
 from pnpct.evaluation.observers.noise_power import NoisePower, RadialPower, noise_power_of_one, noise_power_of_repeats
+from pnpct.evaluation.observers.phantom_figures import PhantomFigures, measure_phantom
 from pnpct.evaluation.observers.task_transfer import TaskTransfer, task_transfer
 from pnpct.evaluation.texture.change import FeatureChange, TextureChange, texture_change
 from pnpct.evaluation.texture.glcm import FEATURES, GLCMSpec, Texture, texture_features, texture_patches
@@ -84,6 +86,7 @@ __all__ = [
     "Metric",
     "NoisePower",
     "Patch",
+    "PhantomFigures",
     "PowerLaw",
     "PriorDriven",
     "RadialPower",
@@ -113,10 +116,13 @@ __all__ = [
     "laguerre_gauss_channels",
     "lesion_recovery",
     "matched_filter",
+    "matched_filter_d_prime",
+    "measure_phantom",
     "noise_power_of_one",
     "noise_power_of_repeats",
     "oversmoothing_warnings",
     "parametric_bootstrap",
+    "patches_in_square",
     "prior_sweep",
     "psnr",
     "psnr_ldctbench",

@@ -29,8 +29,9 @@ from .manifest import MANIFEST, SPLITS, ListedScan, Manifest, Split, read_manife
 from .named_denoisers import DEFAULT_DENOISER, load_denoiser, network_file, network_names, read_network
 from .nifti_file import packed_nifti
 from .onnx_file import export_onnx
-from .provenance import Provenance, record_run, sha256_of, write_sidecar
+from .provenance import Provenance, record_run, sha256_of, sha256_of_folder, write_sidecar
 from .scan_file import SCAN, read_scan, read_scan_geometry, read_truth, write_scan, write_scan_slabs
+from .series_input import read_series
 from .series_resampling import evenly_spaced
 from .slab_folder import SlabFolder
 from .sole_writer import sole_writer
@@ -86,6 +87,7 @@ __all__ = [
     "read_patient",
     "read_scan",
     "read_scan_geometry",
+    "read_series",
     "read_slabs",
     "read_source_series",
     "read_truth",
@@ -98,6 +100,7 @@ __all__ = [
     "scan_from_catsim",
     "series_of",
     "sha256_of",
+    "sha256_of_folder",
     "sole_writer",
     "taken_from_scan",
     "tube_voltages",

@@ -1,4 +1,4 @@
-"""Numbers that a scan can have, and the mistake that is likely behind others.
+"""Numbers that a scan or an image can have, and the mistake that is likely behind others.
 
 The ranges are wide: from scanners of small samples to those of pallets. What lies outside may still be meant, so that
 whoever insists is let through.
@@ -8,8 +8,10 @@ import math
 
 import numpy as np
 
+from pnpct.arrays import Image, Volume
 from pnpct.geometry import FanBeam
 from pnpct.physics import Scan
+from pnpct.units import to_hu
 
 DISTANCES_MM = (1.0, 20_000.0)
 """From the focal spot to the isocentre and to the detector."""
@@ -27,6 +29,10 @@ LEAST_SPAN = math.radians(7.0)
 
 BRIGHTER, SHARE = 3.0, 0.05
 """Times the incident counts, which no more than this share of the rays exceed by noise."""
+
+FLAT_HU, LARGEST_HU, TISSUE_HU = 20.0, 35_000.0, 500.0
+"""An image has a wider range than ± the first and no larger values than the second; where it has more than the last,
+it has air or fat below zero too."""
 
 
 def doubt_of(scan: Scan) -> str:
@@ -59,4 +65,21 @@ def _doubt_of_geometry(geometry: FanBeam) -> str:
         return f"view angles over {span / 2 / math.pi:.3g} turns: are they degrees, to be given as view_angles_deg?"
     if geometry.views >= 10 and span < LEAST_SPAN:
         return f"view angles over {math.degrees(span):.3g} degrees: are they rad, to be given as view_angles_rad?"
+    return ""
+
+
+def doubt_of_image(image: Image | Volume) -> str:
+    """Return what is hard to believe of an image, relative to water, with the likely mistake; empty if all is usual."""
+    low, high = float(to_hu(image).min()), float(to_hu(image).max())
+    values = f"values from {low:.5g} to {high:.5g} HU"
+    if -FLAT_HU <= low <= high <= FLAT_HU:
+        return (
+            f"{values}, where air has -1000 and bone more than 300: are they of another unit, such as 1/cm or 0 to 1?"
+        )
+    if max(-low, high) > LARGEST_HU:
+        return (
+            f"{values}, where metal has 30,000 at most: are they HU that were taken for attenuation relative to water?"
+        )
+    if low >= -FLAT_HU and high > TISSUE_HU:
+        return f"{values}, but none of air or fat: are they stored values, without the intercept of -1024?"
     return ""

@@ -51,6 +51,11 @@ class LinearOperator(ABC):
             raise ValueError(f"{name} takes arrays that end in {self.domain_shape}, got {tuple(x.shape)}.")
         return self.forward(x)
 
+    @final
+    def __matmul__(self, x: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
+        """Return what calling the operator does: `A @ x`, and `A.T @ y`."""
+        return self(x)
+
     @property
     def T(self) -> "LinearOperator":
         """The adjoint as an operator; `A.T.T is A`."""

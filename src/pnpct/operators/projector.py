@@ -84,6 +84,11 @@ class Projector(LinearOperator):
         """Return the diagonal of Aᵀ diag(weights) A: Σᵢ a²ᵢⱼ wᵢ. It has no gradient."""
         return self._apply(weights.detach(), transpose=True, squared=True)
 
+    def to(self, device: torch.device | str) -> "Projector":
+        """Prepare the projector on a device, and return it; each array is projected where it lies in any case."""
+        self._kernels(torch.device(device))
+        return self
+
     def _apply(self, array: Tensor, *, transpose: bool, squared: bool = False) -> Tensor:
         """Run the kernels for the device on a batch, in units of water."""
         slices = array.reshape(-1, *array.shape[-2:]).float().contiguous()

@@ -18,7 +18,8 @@ def fbp(line_integrals: Rays, projector: Projector, *, kernel: Kernel = "ram-lak
     """Reconstruct by filtered back-projection.
 
     Each ray is weighted by cos γ and by the angle it represents (`ray_weights`); the views are convolved with the ramp
-    of their detector and back-projected over L². Statistical weights are not used.
+    of their detector and back-projected over L². Statistical weights are not used. Autograd works through it, any
+    number of times, for networks that contain it.
 
         image = 1/mu_water Σ_β R^e / L² (h ∗ [weight · R cos γ · y])     e = 0 on an arc, 1 and D on a flat detector
 

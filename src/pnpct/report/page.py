@@ -106,13 +106,12 @@ def _facts(results: Results, images: tuple[FoundImage, ...]) -> dict[str, Any]:
 def _frame(results: Results, images: tuple[FoundImage, ...], window: tuple[float, float]) -> dict[str, Any]:
     """What holds the page together: styles, scripts, pixels."""
     first, others = pixel_texts(images)
-    script, style_sheet = _script(), _style_sheet()
+    script = _script()
     return {
         "results": results,
         "comparison": results.comparison,
         "numbers": results.numbers,
-        "style_sheet": Markup(style_sheet),
-        "style_hash": _hash(style_sheet),
+        **styled(),
         "script": Markup(script),
         "script_hash": _hash(script),
         "presets": PRESETS,
@@ -128,13 +127,14 @@ def _hash(text: str) -> str:
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
 
 
-def _style_sheet() -> str:
-    """All styles; the dark colours hold where the system or the reader asks for them, and never on paper."""
+def styled() -> dict[str, Markup | str]:
+    """Return all styles with their hash, for a template; dark where the system or the reader asks for it."""
     dark = text_of("dark.css")
     by_system = f"@media screen and (prefers-color-scheme: dark) {{ :root:not([data-theme=light]) {{\n{dark}}} }}"
     by_reader = f"@media screen {{ :root[data-theme=dark] {{\n{dark}}} }}"
     tokens, *others = (text_of(f"{name}.css") for name in STYLES)
-    return "\n".join([tokens, by_system, by_reader, *others])
+    styles = "\n".join([tokens, by_system, by_reader, *others])
+    return {"style_sheet": Markup(styles), "style_hash": _hash(styles)}
 
 
 def _script() -> str:

@@ -16,8 +16,10 @@ from pnpct.training.losses import (
     stage_two_loss,
     texture_loss,
 )
-from pnpct.training.methods import METHODS, ReferenceName, Schedule, SingleScan, Supervised, TrainingPlan, TwoStage
+from pnpct.training.methods import METHODS, ReferenceName, SingleScan, Supervised, TwoStage
+from pnpct.training.own_images import ImagePairs, NeighbouringSlices, SlicePairs
 from pnpct.training.pairs import Pair, Pairs
+from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.processes import from_first, joined_processes
 from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, Stage, train, two_stage
@@ -33,15 +35,18 @@ __all__ = [
     "Examples",
     "FBPImages",
     "Form",
+    "ImagePairs",
     "LoopImages",
     "LossTerm",
     "MakeImages",
+    "NeighbouringSlices",
     "Pair",
     "Pairs",
     "Reference",
     "ReferenceName",
     "Schedule",
     "SingleScan",
+    "SlicePairs",
     "SplitViewPairs",
     "Stage",
     "Supervised",

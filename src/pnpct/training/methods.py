@@ -5,7 +5,7 @@ A method makes a `TrainingPlan` of a network and of what it learns from; the pla
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -30,8 +30,9 @@ from pnpct.training.losses import (
     stage_one_loss,
     stage_two_loss,
 )
+from pnpct.training.own_images import ImagePairs, NeighbouringSlices
 from pnpct.training.pairs import Pairs
-from pnpct.training.schedule import BATCH, LEARNING_RATE
+from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, train, two_stage
 from pnpct.training.validation import validate
@@ -44,61 +45,6 @@ QUIET_MA = 1e6
 
 
 CPU = torch.device("cpu")
-
-
-@dataclass(frozen=True, eq=False)
-class TrainingPlan:
-    """The training of one network, ready to begin.
-
-    Args:
-        epochs: From the epoch to continue `after`, if any, to those that follow; the weights of the network change.
-        total: How many epochs there are.
-        validate: Returns how far the network is from references now, HU, for inputs of FBP and of the loop; nothing
-            where no reference is known.
-    """
-
-    epochs: Callable[..., Iterator[Epoch]]
-    total: int
-    validate: Callable[[], dict[str, float]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Schedule:
-    """The schedule of training, for every method.
-
-    Args:
-        epochs: Epochs of Noise2Noise, or of the only stage.
-        pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
-        batch: Batch size, pairs per optimizer step.
-        side: Rows and columns of the patches; None takes whole images.
-        learning_rate: Highest learning rate of AdamW; it rises to that, then falls to zero.
-        micro_batch: Pairs that pass through the network together; None takes one whole image, or all patches of a
-            batch.
-        bfloat16: Whether networks compute in bfloat16 where that is accurate enough.
-        seed: Seed of all pairs and examples.
-    """
-
-    epochs: int = 40
-    pairs_per_epoch: int = 64
-    batch: int = BATCH
-    side: int | None = None
-    learning_rate: float = LEARNING_RATE
-    micro_batch: int | None = None
-    bfloat16: bool = False
-    seed: int = 0
-
-    def settings(self) -> dict[str, Any]:
-        """Return all options that the weights depend on, beyond rounding, as plain values."""
-        settings = asdict(self)
-        del settings["micro_batch"]
-        return settings
-
-    def _steps(self) -> dict[str, Any]:
-        """The options of `train`."""
-        names = ("pairs_per_epoch", "batch", "learning_rate", "bfloat16")
-        # Patches are small; whole images fill the memory one by one.
-        micro_batch = (1 if self.side is None else self.batch) if self.micro_batch is None else self.micro_batch
-        return {**{name: getattr(self, name) for name in names}, "micro_batch": micro_batch}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +104,7 @@ class Supervised(Schedule):
 
     def _stages(self, network: nn.Module, pairs: Callable[..., Pairs]) -> tuple[Callable[..., Iterator[Epoch]], int]:
         dosed = pairs(kind="dose", seed=self.seed + 1)
-        options = {"stage": "supervised", "loss": mean_squared_error, "epochs": self.epochs, **self._steps()}
+        options = {"stage": "supervised", "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
         return partial(train, network, dosed, **options), self.epochs
 
     def examples_from(self, data: Path, split: Split, *, device: torch.device = CPU) -> Examples | CachedExamples:
@@ -234,7 +180,7 @@ class TwoStage(Supervised):
             contrast_weight=self.contrast_weight,
         )
         epochs = self.epochs, self.fine_tuning_epochs
-        options = {"epochs": epochs, "losses": (stage_one_loss, second), **self._steps()}
+        options = {"epochs": epochs, "losses": (stage_one_loss, second), **self.steps()}
         return partial(two_stage, network, noisy, dosed, **options), sum(epochs)
 
 
@@ -264,14 +210,16 @@ class SingleScan(Schedule):
                 "A noise-conditioned network cannot learn from a single scan, since its noise is not known."
             )
         pairs = SplitViewPairs(view_subset_images(scan, grid, self.parts), self.seed, side=self.side)
-        options = {"stage": "single-scan", "loss": mean_squared_error, "epochs": self.epochs, **self._steps()}
+        options = {"stage": "single-scan", "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
         return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict)
 
 
-METHODS: dict[str, type[TwoStage | Supervised | SingleScan]] = {
+METHODS: dict[str, type[Supervised | SingleScan | NeighbouringSlices]] = {
     "two-stage": TwoStage,
     "supervised": Supervised,
     "single-scan": SingleScan,
+    "image-pairs": ImagePairs,
+    "neighbouring-slices": NeighbouringSlices,
 }
 """The methods by their names."""
 

@@ -1,5 +1,6 @@
 """Square patches of an image: where texture and noise are measured."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.evaluation.image.hounsfield import hu_array
+from pnpct.geometry import ImageGrid
 
 
 @dataclass(frozen=True, order=True)
@@ -56,6 +58,40 @@ def tile_patches(shape: tuple[int, int], *, size: int = 64, stride: int | None =
     if min(rows, cols) < size:
         raise ValueError(f"The image must hold a patch of {size} x {size} pixels, got {rows} x {cols}.")
     return tuple(Patch(row, col) for row in range(0, rows - size + 1, step) for col in range(0, cols - size + 1, step))
+
+
+def patches_in_square(
+    grid: ImageGrid, *, center: tuple[float, float], side: float, size: int = 64
+) -> tuple[tuple[Patch, ...], int]:
+    """Cover a square region of an image with patches.
+
+    Args:
+        grid: Where the pixels are.
+        center: Middle (x, y) of the region, mm.
+        side: Of the region, mm, at least 8 pixels.
+        size: Largest side of a patch, pixels; a smaller region is one patch.
+
+    Returns:
+        The patches side by side, and their side in pixels.
+
+    Raises:
+        ValueError: If the region is too small, or not all of it is in the image.
+
+    Example:
+        >>> patches_in_square(ImageGrid(64, 64, spacing=0.5), center=(0.0, 0.0), side=20.0, size=20)
+        ((Patch(row=12, col=12), Patch(row=12, col=32), Patch(row=32, col=12), Patch(row=32, col=32)), 20)
+    """
+    across = math.floor(side / grid.spacing + 1e-6) if math.isfinite(side) else 0
+    if across < 8:
+        raise ValueError(f"A uniform region has sides of at least 8 pixels ({8 * grid.spacing:g} mm), got {side:g} mm.")
+    row = round(float((grid.y[0] - center[1]) / grid.spacing) - (across - 1) / 2)
+    col = round(float((center[0] - grid.x[0]) / grid.spacing) - (across - 1) / 2)
+    if min(row, col) < 0 or row + across > grid.rows or col + across > grid.cols:
+        place = f"{side:g} mm around ({center[0]:g}, {center[1]:g}) mm"
+        raise ValueError(f"A uniform region must be in the image, of {grid}, got one of {place}.")
+    size = min(size, across)
+    inside = tile_patches((across, across), size=size)
+    return tuple(Patch(row + patch.row, col + patch.col) for patch in inside), size
 
 
 def patch_values(image: Float[Tensor, "*batch rows cols"], patches: Sequence[Patch], size: int) -> NDArray[np.float64]:
