@@ -142,8 +142,12 @@ def test_priors_see_neighbouring_planes(run, scans, tmp_path):
         out = tmp_path / f"{hu}.h5"
         assert run("reconstruct", scans / "circle.h5", out, *words, "--slice-agreement-hu", hu)[0] == 0
         images[hu] = read_image(out)[0]
-        assert json.loads((tmp_path / f"{hu}.h5.json").read_text())["settings"]["slice_agreement_hu"] == float(hu)
+        settings = json.loads((tmp_path / f"{hu}.h5.json").read_text())["settings"]
+        assert (settings["slice_agreement_hu"], settings["slice_reach"]) == (float(hu), 1)
     assert not torch.equal(images["0"], images["1000"])
+    assert run("reconstruct", scans / "helix.h5", tmp_path / "helix.h5", *words)[0] == 0
+    settings = json.loads((tmp_path / "helix.h5.json").read_text())["settings"]
+    assert (settings["slice_agreement_hu"], settings["slice_reach"]) == (30.0, 2)  # planes are half a row apart
     for refused, kind in (("--method tv --slice-agreement-hu 9", "pnp"), ("--across 1", "tv")):
         status, _, err = run("reconstruct", scans / "helix.h5", tmp_path / "no.h5", *refused.split())
         assert (status, f"has an effect on --method {kind} alone" in err) == (2, True)

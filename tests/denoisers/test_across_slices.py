@@ -15,10 +15,11 @@ def test_slices_that_are_equal_stay_as_they_are(disk: torch.Tensor) -> None:
     torch.testing.assert_close(AcrossSlices(Gaussian(1.0))(volume), Gaussian(1.0)(volume))
 
 
-def test_noise_falls_as_that_of_a_mean(generator: torch.Generator) -> None:
+@pytest.mark.parametrize(("reach", "slices"), [(1, [2, 3, 3, 3, 2]), (2, [3, 4, 5, 4, 3]), (9, [5, 5, 5, 5, 5])])
+def test_noise_falls_as_that_of_a_mean(reach: int, slices: list[int], generator: torch.Generator) -> None:
     noise = 0.001 * torch.randn(5, 100, 100, generator=generator)
-    left = AcrossSlices(unchanged)(1 + noise).sub(1).div(0.001).std(dim=(-2, -1))
-    expected = torch.tensor([2.0, 3.0, 3.0, 3.0, 2.0]).rsqrt()
+    left = AcrossSlices(unchanged, reach=reach)(1 + noise).sub(1).div(0.001).std(dim=(-2, -1))
+    expected = torch.tensor(slices).rsqrt()
     torch.testing.assert_close(left, expected, rtol=0.03, atol=0)
 
 
@@ -56,9 +57,15 @@ def test_volumes_of_a_batch_do_not_see_one_another(generator: torch.Generator) -
 
 def test_it_says_what_it_depends_on() -> None:
     of_slices = denoiser_settings(TotalVariation(0.03))
-    assert denoiser_settings(AcrossSlices(TotalVariation(0.03), 20.0)) == {**of_slices, "slice_agreement_hu": 20.0}
+    assert denoiser_settings(AcrossSlices(TotalVariation(0.03), 20.0)) == {
+        **of_slices,
+        "slice_agreement_hu": 20.0,
+        "slice_reach": 1,
+    }
 
 
 def test_a_negative_agreement_is_refused() -> None:
     with pytest.raises(ValueError, match="a difference in HU from 0 up, got -1"):
         AcrossSlices(unchanged, -1.0)
+    with pytest.raises(ValueError, match="at least one neighbour"):
+        AcrossSlices(unchanged, reach=0)

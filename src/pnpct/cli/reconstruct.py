@@ -103,12 +103,13 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
         self, geometry: ConeBeam, method: Method, device: torch.device, command: Sequence[str], *, mu_water: float
     ) -> None:
         compute_same_bytes()  # whoever goes on with an interrupted volume ends with the same bytes
-        options, method = self.of_planes(), self.across_slices(method)
+        options = self.of_planes()
         planes = TiltedPlanes(geometry, options.get("rebinning", TiltedPlanes.rebinning))
         grid = self.volume_grid(
             self.scan, planes, size=self.size, field_of_view=self.field_of_view, center=self.center, insist=self.insist
         )
         check_covered(planes, grid, self.thickness or 0.0)
+        method = self.across_slices(method, planes, grid)
         settings = {**method.settings, **options, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
 

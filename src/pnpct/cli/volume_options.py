@@ -12,6 +12,7 @@ from pnpct.denoisers import AcrossSlices
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.reconstruction import TVPWLS, Method, PlugAndPlay, covered_slices
+from pnpct.reconstruction.volume import plane_distance
 
 _COVERED = "as many as the scan covers"
 
@@ -27,8 +28,8 @@ class VolumeOptions:
         plane_spacing: Largest distance between the planes that are reconstructed and between which slices are
             interpolated, mm: twice the distance is half the time, and less resolution along z.
         rebinning: tilted planes, or as a control horizontal ones (single-slice), which a helix leaves farther.
-        slice_agreement_hu: Difference in HU up to which pnp averages denoised planes with their neighbours; 0 denoises
-            each on its own.
+        slice_agreement_hu: Difference in HU up to which pnp averages denoised planes with their neighbours, within one
+            detector row; 0 denoises each on its own.
         across: Weight of differences between neighbouring planes in the total variation of tv, relative to those
             between pixels.
         processes: Processes that share the planes and the cores.
@@ -61,8 +62,13 @@ class VolumeOptions:
         """Return the given options of `reconstruct_volume`."""
         return given_options(self, ("thickness", "plane_spacing", "rebinning"))
 
-    def across_slices(self, method: Method) -> Method:
-        """Return the method as it suits a volume: the prior of plug-and-play sees the neighbouring slices.
+    def across_slices(self, method: Method, planes: TiltedPlanes, grid: VolumeGrid) -> Method:
+        """Return the method as it suits a volume: the prior sees the planes within one detector row.
+
+        Args:
+            method: For one plane.
+            planes: The planes.
+            grid: The slices.
 
         Raises:
             ValueError: If an option is given for another method, or is out of range.
@@ -75,7 +81,9 @@ class VolumeOptions:
         if isinstance(method, PlugAndPlay):
             given = self.slice_agreement_hu
             agreement_hu = AcrossSlices.agreement_hu if given is None else given
-            return replace(method, denoise=AcrossSlices(method.denoise, agreement_hu))
+            distance = plane_distance(planes, grid, self.thickness or 0.0, self.plane_spacing)
+            reach = max(1, round((planes.geometry.row_height_at_isocenter or distance) / distance))
+            return replace(method, denoise=AcrossSlices(method.denoise, agreement_hu, reach))
         return replace(method, across=self.across) if isinstance(method, TVPWLS) and self.across else method
 
     def workers(self) -> dict[str, Any]:

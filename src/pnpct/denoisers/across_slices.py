@@ -17,11 +17,11 @@ _SIDE = 3
 
 @dataclass(frozen=True, eq=False)
 class AcrossSlices:
-    """Denoise each slice of a volume, then average it with its two neighbours wherever these agree with it.
+    """Denoise each slice of a volume, then average it with its neighbours wherever these agree with it.
 
     What noise a denoiser leaves is another in each slice; anatomy is mostly the same in thin slices. With d = D(v),
 
-        result_k = Σ_j a_kj d_j / Σ_j a_kj,    a_kj = exp(−⟨(d_j − d_k)²⟩ / 2 s²),    j = k − 1, k, k + 1
+        result_k = Σ_j a_kj d_j / Σ_j a_kj,    a_kj = exp(−⟨(d_j − d_k)²⟩ / 2 s²),    |j − k| ≤ reach
 
     where ⟨ ⟩ is the mean over 3 × 3 pixels and s the agreement: where a vessel or the border of the lung has moved from
     slice to slice, each slice keeps its own. It costs next to nothing beside a network.
@@ -29,9 +29,10 @@ class AcrossSlices:
     Args:
         denoise: D, for one slice; of total variation, a network, or your own.
         agreement_hu: s, the difference in HU up to which slices agree, ≥ 0; 0 leaves each slice on its own.
+        reach: Neighbours on each side, at least 1; slices half a detector row apart want two.
 
     Raises:
-        ValueError: If `agreement_hu` is negative or not finite.
+        ValueError: If `agreement_hu` is negative or not finite, or `reach` below 1.
 
     References:
         Tomasi and Manduchi, ICCV (1998) 839, for weights that fall with the difference.
@@ -44,28 +45,32 @@ class AcrossSlices:
 
     denoise: Callable[[Image], Image]
     agreement_hu: float = 30.0
+    reach: int = 1
 
     def __post_init__(self) -> None:
         if not 0 <= self.agreement_hu < math.inf:
             raise ValueError(f"Slices agree up to a difference in HU from 0 up, got {self.agreement_hu:g}.")
+        if self.reach < 1:
+            raise ValueError(f"There is at least one neighbour on each side, got a reach of {self.reach}.")
 
     @property
     def settings(self) -> dict[str, Any]:
         """All that its volumes depend on, as plain values."""
-        return {**denoiser_settings(self.denoise), "slice_agreement_hu": self.agreement_hu}
+        return {**denoiser_settings(self.denoise), "slice_agreement_hu": self.agreement_hu, "slice_reach": self.reach}
 
     def __call__(self, volume: Volume | Image) -> Volume | Image:
         """Return the denoised volume; an image without an axis of slices is one slice."""
         denoised = self.denoise(volume)
         if self.agreement_hu == 0 or volume.ndim < 3 or volume.shape[-3] < 2:
             return denoised
-        upper, lower = denoised[..., 1:, :, :], denoised[..., :-1, :, :]
-        agree = _agreement(upper - lower, self.agreement_hu)
         total, weight = denoised.clone(), torch.ones_like(denoised)
-        total[..., :-1, :, :].addcmul_(agree, upper)
-        total[..., 1:, :, :].addcmul_(agree, lower)
-        weight[..., :-1, :, :] += agree
-        weight[..., 1:, :, :] += agree
+        for apart in range(1, min(self.reach, volume.shape[-3] - 1) + 1):
+            upper, lower = denoised[..., apart:, :, :], denoised[..., :-apart, :, :]
+            agree = _agreement(upper - lower, self.agreement_hu)
+            total[..., :-apart, :, :].addcmul_(agree, upper)
+            total[..., apart:, :, :].addcmul_(agree, lower)
+            weight[..., :-apart, :, :] += agree
+            weight[..., apart:, :, :] += agree
         return total / weight
 
 

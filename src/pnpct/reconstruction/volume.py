@@ -103,7 +103,7 @@ def reconstruct_volume(
     stacks = planes.stacks(
         grid.heights[0] + samples[0] - margin,
         grid.heights[-1] + samples[-1] + margin,
-        spacing=_spacing(planes, grid, thickness, plane_spacing),
+        spacing=plane_distance(planes, grid, thickness, plane_spacing),
     )
     stacks = spanning(stacks, slices[0][0] - margin, math.inf)
     images_of = PlaneImages(rays, planes, grid.plane, method, mu_water)
@@ -157,18 +157,25 @@ def check_covered(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> N
         )
 
 
-def _margin(planes: TiltedPlanes, plane: ImageGrid) -> float:
-    """How far a tilted plane leaves its height on the axis, within the field of view, mm."""
-    return abs(planes.tilt) * min(plane.radius, planes.geometry.field_of_view_radius)
+def plane_distance(planes: TiltedPlanes, grid: VolumeGrid, thickness: float, largest: float | None = None) -> float:
+    """Return the distance between the planes that are reconstructed, mm; of a circle such that thin slices are planes.
 
-
-def _spacing(planes: TiltedPlanes, grid: VolumeGrid, thickness: float, largest: float | None) -> float:
-    """Distance between planes, mm; of a circle such that thin slices are planes."""
+    Args:
+        planes: The views.
+        grid: The slices.
+        thickness: Of a slice, mm.
+        largest: The `plane_spacing` of `reconstruct_volume`.
+    """
     row = planes.geometry.row_height_at_isocenter or grid.slice_spacing
     spacing = (row if thickness >= 2 * row else row / 2) if largest is None else largest
     if planes.feed == 0 and thickness == 0:
         return grid.slice_spacing / math.ceil(grid.slice_spacing / max(row, spacing) - 1e-6)
     return spacing
+
+
+def _margin(planes: TiltedPlanes, plane: ImageGrid) -> float:
+    """How far a tilted plane leaves its height on the axis, within the field of view, mm."""
+    return abs(planes.tilt) * min(plane.radius, planes.geometry.field_of_view_radius)
 
 
 def _samples(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> Array:
