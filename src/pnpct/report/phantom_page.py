@@ -11,6 +11,7 @@ from pnpct.report.environment import environment
 from pnpct.report.page import styled
 from pnpct.report.results import TOKENS
 from pnpct.report.tables import Head, Row, Table
+from pnpct.report.words import title_of, unit_of
 
 
 def write_phantom_page(path: Path, title: str, found: PhantomFigures) -> None:
@@ -35,7 +36,9 @@ def write_phantom_page(path: Path, title: str, found: PhantomFigures) -> None:
         line = Line(name, TOKENS["ink"], x.tolist(), y.tolist())
         says = f"{name} over frequency; its numbers are in the table below."
         charts.append(line_chart(name, [line], axes=("frequency, 1/mm", axis), says=says))
-    rows = tuple(Row(name, (Markup(f"{value:.4g}"),)) for name, value in found.values.items())
+    rows = tuple(
+        Row(title_of(name), (Markup(f"{value:.4g}"),), unit=unit_of(name)) for name, value in found.values.items()
+    )
     page = environment().get_template("phantom.html.j2")
     text = page.render(title=title, charts=charts, table=Table("Numbers", (Head("value"),), rows), **styled())
     with atomic_path(path) as temporary:

@@ -20,6 +20,8 @@ _CAPITALS = {
     "ldctbench",
     "lodopab",
     "fr",
+    "npw",
+    "npwe",
 }
 _SPELLED = {"ldctbench": "ldct-bench", "lodopab": "LoDoPaB", "sha256": "SHA-256"}
 

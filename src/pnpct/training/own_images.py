@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -109,6 +110,10 @@ class NeighbouringSlices(Schedule):
 
     low: str = "low"
     validation: tuple[str, ...] = ()
+
+    @override
+    def settings(self) -> dict[str, Any]:
+        return {**super().settings(), "validation": list(self.validation)}
 
     def plan(self, network: nn.Module, folder: Path) -> TrainingPlan:
         """Return the training of a network; the images of all patients are read here and held in memory.
