@@ -29,7 +29,7 @@ class FanBackprojector(LinearOperator):
         image(x) = Σ_views  q(view, bin(x)) / L(x)²
 
     L is the distance from the focal spot on an arc, and its part along the central ray on a flat detector. It is
-    differentiable, any number of times; its adjoint runs in plain torch operations, on a CPU ten times as long.
+    differentiable, any number of times; its adjoint runs in plain torch operations, on a CPU twenty times as long.
 
     Args:
         grid: Where the pixels are.
