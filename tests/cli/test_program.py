@@ -15,6 +15,7 @@ from mistakes import contents
 from pnpct.cli.app import COMMANDS, class_of
 from pnpct.cli.denoiser_options import DENOISER_OPTIONS
 from pnpct.cli.options import MethodOptions
+from pnpct.cli.volume_options import VOLUME_OPTIONS
 from pnpct.denoisers import DENOISERS
 from pnpct.reconstruction import METHODS
 
@@ -67,7 +68,7 @@ def test_the_help_of_a_command_names_each_option_and_its_default(command, run, m
 def test_each_method_option_has_an_effect_on_some_method():
     options = {field.name for field in fields(MethodOptions)} - {"method", *DENOISER_OPTIONS}
     of_methods = set().union(*({field.name for field in fields(method)} for method in METHODS.values()))
-    assert options == of_methods - {"denoise", "strength"}
+    assert options | ({*VOLUME_OPTIONS} & of_methods) == of_methods - {"denoise", "strength"}
     assert get_args(get_type_hints(MethodOptions)["method"]) == tuple(METHODS)
 
 
