@@ -117,6 +117,7 @@ def test_the_commands_of_a_document_run_one_after_the_other(document, tmp_path, 
         write_folder(Path("views"), views=70, mode="FFSZ")
     for line in command_lines(document):
         words = shlex.split(line, comments=True)[1:]
+        words = words[: words.index(">")] if ">" in words else words
         options = next((more for name, more in SMALL.items() if line.startswith(f"pnpct {name}")), "")
         options = options.replace("--iterations 2", "") if "fbp" in words else options
         assert main([*words, *options.split()]) == 0, f"{line}: {capsys.readouterr().err}"
