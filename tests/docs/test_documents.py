@@ -40,7 +40,8 @@ def script(name):
 
 def command_lines(document):
     blocks = re.findall(r"^```sh\n(.*?)^```", DOCUMENTS[document].read_text(), re.DOTALL | re.MULTILINE)
-    return [line for block in blocks for line in block.splitlines() if line.startswith("pnpct ")]
+    lines = [line for block in blocks for line in block.splitlines() if line.startswith("pnpct ")]
+    return [line for line in lines if not line.startswith("pnpct demo")]  # `make demo` runs it
 
 
 def links(document):
