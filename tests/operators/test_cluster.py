@@ -48,7 +48,8 @@ def volume(rays, method, **workers) -> torch.Tensor:
 SLOW = pytest.mark.slow  # workers take their time on a busy machine
 
 
-@pytest.mark.parametrize("method", [FBP(), pytest.param(TVPWLS(iterations=2), marks=SLOW)], ids=["FBP", "TV"])
+@SLOW
+@pytest.mark.parametrize("method", [FBP(), TVPWLS(iterations=2)], ids=["FBP", "TV"])
 def test_a_worker_that_dies_costs_its_task_and_not_the_volume(address, scan, tmp_path, monkeypatch, method):
     monkeypatch.chdir(tmp_path)
     rays = RaysOfFile(scan.relative_to(tmp_path), torch.device("cpu"))
