@@ -90,7 +90,7 @@ def compare(world: str, beta: float, *, over: str, factor: bool, dense: bool) ->
 
     v = image + 0.018 * torch.randn(image.shape, generator=torch.Generator().manual_seed(1))
     b = A.T(W(sinogram.line_integrals)) + penalty * v
-    fourier = fourier_preconditioner(sinogram, A, penalty)
+    fourier = fourier_preconditioner(sinogram, A)(penalty)
     if dense:
         matrix = normal_matrix(sinogram, A) + float(penalty) * torch.eye(image.numel()).double()
         solution = torch.cholesky_solve(b.double().reshape(-1, 1), torch.linalg.cholesky(matrix))

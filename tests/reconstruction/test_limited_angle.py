@@ -49,7 +49,7 @@ def test_the_preconditioner_makes_no_direction_larger_than_the_measured_ones(deg
     """Else conjugate gradients see that direction alone: the largest eigenvalue of M⁻¹H was 570 in the corners."""
     sinogram, A = limited(degrees)
     beta = mean_diagonal(sinogram, A)
-    precondition = fourier_preconditioner(sinogram, A, beta)
+    precondition = fourier_preconditioner(sinogram, A)(beta)
     assert largest(lambda image: precondition(A.T(sinogram.weights(A(image))) + beta * image)) < 30
 
 

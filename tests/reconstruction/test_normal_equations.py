@@ -5,6 +5,7 @@ import torch
 
 from pnpct.arrays import Image
 from pnpct.operators import LinearOperator
+from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.normal_equations import (
     INNER_ITERATIONS,
     MOST_INNER_ITERATIONS,
@@ -49,16 +50,35 @@ def test_steps_go_on_while_the_residual_is_too_large(hard: Diagonal) -> None:
     torch.testing.assert_close(Hx, hard.spectrum * enough)
 
 
+UNWEIGHTED = Sinogram(torch.zeros(8, 8), DiagonalWeights(torch.ones(8, 8, dtype=torch.float64)))
+
+
 def test_a_start_that_is_good_enough_takes_the_least_steps_and_a_bad_one_not_more_than_the_most(hard: Diagonal) -> None:
-    b = torch.ones(8, 8, dtype=torch.float64)
+    b, none = torch.ones(8, 8, dtype=torch.float64), torch.zeros(1, 1, dtype=torch.float64)
     exact = b / hard.spectrum
-    x = warm_started(INNER_ITERATIONS)(hard, b, exact * (1 + 1e-6))
-    assert hard.products == 1 + INNER_ITERATIONS  # the first is H of the start
+    A = Diagonal(hard.spectrum.sqrt())
+    x = warm_started(UNWEIGHTED, A, INNER_ITERATIONS)(b, none, exact * (1 + 1e-6))
+    assert A.products == 2 * (1 + INNER_ITERATIONS)  # the first is H of the start
     assert residual(hard, b, x) < 1e-6
-    harder = Diagonal(hard.spectrum**3)
-    x = warm_started(INNER_ITERATIONS)(harder, b, torch.zeros_like(b))
-    assert harder.products == 1 + MOST_INNER_ITERATIONS
+    A, harder = Diagonal(hard.spectrum**1.5), Diagonal(hard.spectrum**3)
+    x = warm_started(UNWEIGHTED, A, INNER_ITERATIONS)(b, none, torch.zeros_like(b))
+    assert A.products == 2 * (1 + MOST_INNER_ITERATIONS)
     assert residual(harder, b, x) > TOLERANCE
+
+
+def test_what_it_answered_last_costs_no_product_whatever_the_penalty(hard: Diagonal) -> None:
+    b, penalty = torch.ones(8, 8, dtype=torch.float64), torch.full((1, 1), 5.0, dtype=torch.float64)
+    A = Diagonal(hard.spectrum.sqrt())
+    solve = warm_started(UNWEIGHTED, A, INNER_ITERATIONS)
+    x = solve(b, penalty, b / (hard.spectrum + 5.0))
+    A.products = 0
+    other = solve(b, 2 * penalty, x)
+    assert A.products % 2 == 0
+    assert residual(Diagonal(hard.spectrum + 10.0), b, other) < TOLERANCE
+    again = warm_started(UNWEIGHTED, A, INNER_ITERATIONS)
+    first = A.products
+    torch.testing.assert_close(again(b, 2 * penalty, x), other)
+    assert A.products - first == first + 2
 
 
 def test_each_image_of_a_batch_stops_on_its_own() -> None:

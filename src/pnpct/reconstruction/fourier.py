@@ -20,7 +20,13 @@ from torch import Tensor
 from pnpct.arrays import Image
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
-from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Operator, Solve, warm_started
+from pnpct.reconstruction.normal_equations import (
+    INNER_ITERATIONS,
+    Operator,
+    Preconditioner,
+    Solve,
+    warm_started,
+)
 
 LEVELS = 3
 
@@ -35,22 +41,17 @@ FAINTEST = 1e-3
 
 
 def fourier(
-    sinogram: Sinogram,
-    A: Projector,
-    beta: Tensor,
-    *,
-    inner_iterations: int = INNER_ITERATIONS,
-    levels: int = LEVELS,
+    sinogram: Sinogram, A: Projector, *, inner_iterations: int = INNER_ITERATIONS, levels: int = LEVELS
 ) -> Solve:
     """Make a solver of `inner_iterations` or more conjugate-gradient steps, preconditioned with `levels` levels.
 
-    Setting up takes one projection, one back-projection and the diagonal.
+    Setting up takes one projection, one back-projection and two diagonals.
     """
-    return warm_started(inner_iterations, fourier_preconditioner(sinogram, A, beta, levels=levels))
+    return warm_started(sinogram, A, inner_iterations, fourier_preconditioner(sinogram, A, levels=levels))
 
 
-def fourier_preconditioner(sinogram: Sinogram, A: Projector, beta: Tensor, *, levels: int = LEVELS) -> Operator:
-    """Return M⁻¹ as a map of images.
+def fourier_preconditioner(sinogram: Sinogram, A: Projector, *, levels: int = LEVELS) -> Preconditioner:
+    """Return what makes M⁻¹, as a map of images, for a β.
 
     Raises:
         ValueError: If there is not at least one level.
@@ -60,25 +61,29 @@ def fourier_preconditioner(sinogram: Sinogram, A: Projector, beta: Tensor, *, le
     weights = sinogram.weights.diagonal
     diagonal = A.gram_diagonal(weights)
     seen = _seen_by_all_views(A).to(diagonal.device)
-    certainty = diagonal / A.gram_diagonal(torch.ones_like(weights)).clamp(min=1e-30)
-    faintest = FAINTEST * float(certainty.median())
-    knots, blends = _levels((beta / certainty.clamp(min=faintest)).log(), seen, levels)
-    # Where no ray meets a pixel, H is β and K η K must not be less, or M⁻¹H has its largest eigenvalues there.
-    certainty = torch.where(certainty < faintest, beta / knots[-1].exp(), certainty)
+    measured = diagonal / A.gram_diagonal(torch.ones_like(weights)).clamp(min=1e-30)
+    faintest = FAINTEST * float(measured.median())
     spectrum = _spectrum(A, weights)
-    filters = [1 / (spectrum + knot.exp()) for knot in knots]
-    outer = certainty.rsqrt()
 
-    def precondition(image: Image) -> Image:
-        inner = outer * image
-        total = torch.zeros_like(inner)
-        for response, blend in zip(filters, blends, strict=True):
-            # Wrapping around at the border costs no iterations; padding would cost four times the work.
-            transformed = torch.fft.rfft2(blend * inner) * response
-            total += blend * torch.fft.irfft2(transformed, s=image.shape[-2:])
-        return outer * total
+    def for_penalty(beta: Tensor) -> Operator:
+        knots, blends = _levels((beta / measured.clamp(min=faintest)).log(), seen, levels)
+        # Where no ray meets a pixel, H is β and K η K must not be less, or M⁻¹H has its largest eigenvalues there.
+        certainty = torch.where(measured < faintest, beta / knots[-1].exp(), measured)
+        filters = [1 / (spectrum + knot.exp()) for knot in knots]
+        outer = certainty.rsqrt()
 
-    return precondition
+        def precondition(image: Image) -> Image:
+            inner = outer * image
+            total = torch.zeros_like(inner)
+            for response, blend in zip(filters, blends, strict=True):
+                # Wrapping around at the border costs no iterations; padding would cost four times the work.
+                transformed = torch.fft.rfft2(blend * inner) * response
+                total += blend * torch.fft.irfft2(transformed, s=image.shape[-2:])
+            return outer * total
+
+        return precondition
+
+    return for_penalty
 
 
 def _seen_by_all_views(A: Projector) -> Tensor:

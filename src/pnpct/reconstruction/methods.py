@@ -6,8 +6,9 @@ user's three lines of Python read them here, and give the same image.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import Any, Protocol, TypeAlias, runtime_checkable
+
+from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation, denoiser_settings
@@ -23,7 +24,10 @@ from pnpct.reconstruction.starting import STRENGTH, around_total_variation, smoo
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
 
-FALL = 0.7
+FIRST = 2.0
+"""σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
+
+FALL = 0.6
 """σ_v in each of the first iterations over that of the one before."""
 
 Progress: TypeAlias = Callable[[Iterator[ADMMState], int], Iterable[ADMMState]]
@@ -144,10 +148,10 @@ class TVPWLS:
 class PlugAndPlay:
     """Plug-and-play ADMM, from `starting_state` on.
 
-    At low dose σ_v is larger in the first iterations: it begins where the data and the prior are in balance and falls
-    by `FALL` in each. So the edges come from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM
-    is damped: what u collects is mostly noise, and networks, the proximal maps of no function, would take it for
-    anatomy.
+    σ_v is larger in the first iterations: it begins at `FIRST` times the last one, or at low dose where the data and
+    the prior are in balance, and falls by `FALL` in each. So the edges come from the data, quickly; what σ_v ends with
+    decides how noisy the image is. ADMM is damped: what u collects is mostly noise, and networks, the proximal maps of
+    no function, would take it for anatomy.
 
     Args:
         denoise: D, with its strength inside.
@@ -169,7 +173,7 @@ class PlugAndPlay:
     denoise: Denoise
     sigma_v: float = SIGMA_V
     damping: float = 0.5
-    iterations: int = 10
+    iterations: int = 6
     stop: RuleName = "relative"
     solver: SolverName = "fourier"
     inner_iterations: int | None = None
@@ -196,14 +200,10 @@ class PlugAndPlay:
     def states(self, sinogram: Sinogram, A: Projector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
-        admm = partial(pnp_admm, sinogram, A, self.denoise, damping=self.damping, solver=solver)
-        state, sigma_v = start, balanced_sigma_v(sinogram, A).clamp(min=self.sigma_v)
-        while bool((sigma_v > self.sigma_v).any()):
-            state = next(admm(state, sigma_v=sigma_v))
-            yield state
-            lower = (FALL * sigma_v).clamp(min=self.sigma_v)
-            state, sigma_v = state.at(lower, before=sigma_v), lower
-        yield from admm(state, sigma_v=self.sigma_v)
+        first = balanced_sigma_v(sinogram, A).clamp(min=FIRST * self.sigma_v)
+        return pnp_admm(
+            sinogram, A, self.denoise, start, sigma_v=falling(first, self.sigma_v), damping=self.damping, solver=solver
+        )
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
@@ -230,6 +230,14 @@ def reconstruct(sinogram: Sinogram, A: Projector, denoise: Denoise, **options: A
         ValueError: If an option is out of range.
     """
     return PlugAndPlay(denoise, **options)(sinogram, A).image
+
+
+def falling(sigma_v: Tensor, last: float) -> Iterator[Tensor]:
+    """Yield σ_v of each iteration, HU: from the given ones down by `FALL` to the last one, for ever."""
+    while True:
+        sigma_v = sigma_v.clamp(min=last)
+        yield sigma_v
+        sigma_v = FALL * sigma_v
 
 
 def _whole(sinogram: Sinogram, A: Projector) -> Whole:

@@ -14,11 +14,14 @@ from pnpct.reconstruction.fbp import fbp
 
 Operator: TypeAlias = Callable[[Image], Image]
 
-Solve: TypeAlias = Callable[[LinearOperator, Image, Image], Image]
-"""(H, b, x) -> better x: H maps an image to (AᵀWA + β) image, x is the image to begin from."""
+Solve: TypeAlias = Callable[[Image, Tensor, Image], Image]
+"""(b, β, x) -> better x of (AᵀWA + β) x = b: x is the image to begin from, β in the units of AᵀWA."""
 
-MakeSolver: TypeAlias = Callable[[Sinogram, Projector, Tensor], Solve]
-"""(sinogram, A, β) -> Solve, β in the units of AᵀWA, one number or one per image."""
+MakeSolver: TypeAlias = Callable[[Sinogram, Projector], Solve]
+"""(sinogram, A) -> Solve. What does not depend on β is worked out once."""
+
+Preconditioner: TypeAlias = Callable[[Tensor], Operator]
+"""β -> M⁻¹, near the inverse of AᵀWA + β; β is one number, or one per image."""
 
 INNER_ITERATIONS = 3
 """Minimum steps of an iterative solver in each data step. Warm-started they add up; an exact solution is wasted."""
@@ -158,28 +161,48 @@ def conjugate_gradient(
     return x, Hx
 
 
-def warm_started(iterations: int, precondition: Operator | None = None) -> Solve:
+def warm_started(
+    sinogram: Sinogram, A: LinearOperator, iterations: int, preconditioner: Preconditioner | None = None
+) -> Solve:
     """Make a solver that takes a few conjugate-gradient steps from the given image.
 
     It takes more, up to `MOST_INNER_ITERATIONS`, while the residual exceeds `TOLERANCE`. If it begins from the image it
-    answered last, H of it is known: one product in each data step is saved.
+    answered last, AᵀWA of it is known: one product in each data step is saved, for whatever β.
+
+    Args:
+        sinogram: Its weights are W.
+        A: The projector.
+        iterations: Minimum steps, at least 1.
+        preconditioner: From β to M⁻¹; none for plain conjugate gradients.
 
     Raises:
         ValueError: If there is not at least one iteration.
     """
     if iterations < 1:
         raise ValueError(f"Conjugate gradients need at least one iteration, got {iterations}.")
-    last: list[Image] = []
+    answered: list[Image] = []  # x and AᵀWA x
+    prepared: list[Any] = []  # β and its M⁻¹
 
-    def solve(H: LinearOperator, b: Image, x: Image) -> Image:
-        Hx = last[1] if last and last[0] is x else H(x)
-        steps: dict[str, Any] = {"iterations": iterations, "most": MOST_INNER_ITERATIONS, "tolerance": TOLERANCE}
-        last[:] = conjugate_gradient(H, b, x, Hx, **steps, precondition=precondition)
-        return last[0]
+    def solve(b: Image, beta: Tensor, x: Image) -> Image:
+        H = NormalOperator(A, sinogram.weights, beta)
+        if preconditioner and not (prepared and torch.equal(prepared[0], beta)):
+            prepared[:] = [beta, preconditioner(beta)]
+        x, Hx = conjugate_gradient(
+            H,
+            b,
+            x,
+            answered[1] + beta * x if answered and answered[0] is x else H(x),
+            iterations=iterations,
+            most=MOST_INNER_ITERATIONS,
+            tolerance=TOLERANCE,
+            precondition=prepared[1] if preconditioner else None,
+        )
+        answered[:] = [x, Hx - beta * x]
+        return x
 
     return solve
 
 
-def plain(_sinogram: Sinogram, _A: Projector, _beta: Tensor, *, inner_iterations: int = INNER_ITERATIONS) -> Solve:
+def plain(sinogram: Sinogram, A: Projector, *, inner_iterations: int = INNER_ITERATIONS) -> Solve:
     """Make a solver that takes plain conjugate-gradient steps."""
-    return warm_started(inner_iterations)
+    return warm_started(sinogram, A, inner_iterations)

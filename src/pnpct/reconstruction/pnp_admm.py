@@ -18,8 +18,9 @@ has about as much noise at every dose.
 Part of u may be dropped in each iteration: u = (1 − damping) (u + x − v).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import repeat
 
 import torch
 from torch import Tensor
@@ -29,7 +30,7 @@ from pnpct.denoisers import Denoise
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fourier import fourier
-from pnpct.reconstruction.normal_equations import MakeSolver, NormalOperator, penalty_of
+from pnpct.reconstruction.normal_equations import MakeSolver, penalty_of
 
 SIGMA_V = 60.0
 """HU, for every dose and every size of patient. The paper's β of 1.2 has no unit."""
@@ -59,10 +60,6 @@ class ADMMState:
                 f"{tuple(self.u.shape)}."
             )
 
-    def at(self, sigma_v: Tensor, *, before: Tensor) -> "ADMMState":
-        """Return the state for another σ_v than before: the dual variable β u stays."""
-        return ADMMState(self.x, self.v, self.u * (sigma_v / before) ** 2)
-
     @classmethod
     def start(cls, image: Image) -> "ADMMState":
         """Begin from an image, usually that of filtered back-projection."""
@@ -75,7 +72,7 @@ def pnp_admm(
     denoise: Denoise,
     state: ADMMState,
     *,
-    sigma_v: float | Tensor = SIGMA_V,
+    sigma_v: float | Tensor | Iterable[Tensor] = SIGMA_V,
     damping: float = 0.0,
     solver: MakeSolver = fourier,
 ) -> Iterator[ADMMState]:
@@ -86,7 +83,8 @@ def pnp_admm(
         A: The projector.
         denoise: D, with its strength inside.
         state: State to begin or continue from.
-        sigma_v: Standard deviation to which the denoised image is trusted, HU, > 0; one number or one per image.
+        sigma_v: Standard deviation to which the denoised image is trusted, HU, > 0; one number or one per image, or
+            those of each iteration, for ever. From one to the next the dual variable β u stays.
         damping: Fraction of u that each iteration drops, 0 ≤ damping ≤ 1. The paper has 0, where x and v agree in the
             limit; 1 is half-quadratic splitting, without u.
         solver: Makes the solver of the normal equations from (sinogram, A, β).
@@ -103,17 +101,19 @@ def pnp_admm(
     """
     check_damping(damping)
     y, W = sinogram.line_integrals, sinogram.weights
-    beta = penalty_of(sigma_v).to(y)
-    H, AtWy = NormalOperator(A, W, beta), A.T(W(y))
-    solve = solver(sinogram, A, beta)
+    AtWy, solve = A.T(W(y)), solver(sinogram, A)
+    of_iterations = iter(sigma_v) if not isinstance(sigma_v, float | int | Tensor) else repeat(sigma_v)
+    beta = before = penalty_of(next(of_iterations)).to(y)
 
     x, v, u = state.x, state.v, state.u
     while True:
         with torch.no_grad():
-            x = solve(H, AtWy + beta * (v - u), x)  # (4a), (5)
+            u = u * (before / beta)
+            x = solve(AtWy + beta * (v - u), beta, x)  # (4a), (5)
             v = denoise(x + u)  # (4b), (6)
             u = (1 - damping) * (u + x - v)  # (4c)
         yield ADMMState(x, v, u)
+        before, beta = beta, penalty_of(next(of_iterations)).to(y)
 
 
 def check_damping(damping: float) -> None:

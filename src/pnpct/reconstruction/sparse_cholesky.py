@@ -30,35 +30,34 @@ from pnpct.operators.threads import parallel
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.factor_kernels import add_view, factorise, list_members
 from pnpct.reconstruction.footprints import Footprints
-from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Solve, warm_started
+from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Operator, Solve, warm_started
 
 RADIUS = 3.0
 
 
 def cholesky(
-    sinogram: Sinogram,
-    A: Projector,
-    beta: Tensor,
-    *,
-    inner_iterations: int = INNER_ITERATIONS,
-    radius: float = RADIUS,
+    sinogram: Sinogram, A: Projector, *, inner_iterations: int = INNER_ITERATIONS, radius: float = RADIUS
 ) -> Solve:
     """Make a solver that takes conjugate-gradient steps, preconditioned with the sparse inverse Cholesky factor.
 
-    The factor is made once per sinogram and β, on the CPU.
+    The factor is made on the CPU, once for each β.
 
     Raises:
-        ValueError: If there is a batch of images, or the radius is below 1.
+        ValueError: If (when it solves) there is a batch of images, or the radius is below 1.
     """
-    factor = inverse_factor(sinogram, A, float(beta), radius=radius) if beta.numel() == 1 else None
-    if factor is None:
-        raise ValueError(f"The solver cholesky takes one image at a time, got a batch of {beta.numel()}.")
 
-    def precondition(image: Image) -> Image:
-        flat = image.detach().cpu().double().numpy().ravel()
-        return torch.from_numpy(factor @ (factor.T @ flat)).reshape(image.shape).to(image)
+    def for_penalty(beta: Tensor) -> Operator:
+        if beta.numel() != 1:
+            raise ValueError(f"The solver cholesky takes one image at a time, got a batch of {beta.numel()}.")
+        factor = inverse_factor(sinogram, A, float(beta), radius=radius)
 
-    return warm_started(inner_iterations, precondition)
+        def precondition(image: Image) -> Image:
+            flat = image.detach().cpu().double().numpy().ravel()
+            return torch.from_numpy(factor @ (factor.T @ flat)).reshape(image.shape).to(image)
+
+        return precondition
+
+    return warm_started(sinogram, A, inner_iterations, for_penalty)
 
 
 def inverse_factor(
