@@ -1,6 +1,6 @@
 import torch
 
-from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import Scan, Sinogram, simulate_counts, take_log
 from pnpct.reconstruction import fbp, starting_state
@@ -12,13 +12,19 @@ def scanned(image: torch.Tensor, A: Projector) -> Sinogram:
     return take_log(Scan(counts, torch.tensor(2e4), 5.0, geometry=A.geometry, mu_water=A.mu_water))
 
 
-def test_admm_begins_with_less_noise_than_fbp_has(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:
+def test_admm_begins_with_less_noise_than_fbp_has() -> None:
+    grid = ImageGrid(96, 96, spacing=3.0)
+    geometry = FanBeam(
+        evenly_spaced_views(180), 128, source_to_isocenter=541.0, source_to_detector=949.0, bin_width=4.5
+    )
+    x, y = torch.from_numpy(grid.x), torch.from_numpy(grid.y)[:, None]
+    disk, inside = (x**2 + y**2 < 100.0**2).float(), x**2 + y**2 < 85.0**2
     A = Projector(grid, geometry)
     sinogram = scanned(disk, A)
     state = starting_state(sinogram, A)
     smooth = fbp(sinogram.line_integrals, A, kernel="soft")
-    error, of_fbp = (float((image - disk).square().mean().sqrt()) for image in (state.v, smooth))
-    assert error < 0.8 * of_fbp
+    error, of_fbp = (float((image - disk)[inside].square().mean().sqrt()) for image in (state.v, smooth))
+    assert error < 0.5 * of_fbp
     assert not state.u.any()
 
 
