@@ -47,11 +47,15 @@ def new_hdf5(
         OSError: If the file cannot be written.
     """
     with atomic_path(path) as temporary, GrowingFile(temporary) as disk:
-        with h5py.File(disk, "w") as file:
-            file.attrs.update(format=file_format, format_version=FORMAT_VERSION, description=description)
-            yield file
-            known = provenance if isinstance(provenance, Provenance) else provenance()
-            file.attrs["provenance"] = known.to_json()
+        try:
+            with h5py.File(disk, "w") as file:
+                file.attrs.update(format=file_format, format_version=FORMAT_VERSION, description=description)
+                yield file
+                known = provenance if isinstance(provenance, Provenance) else provenance()
+                file.attrs["provenance"] = known.to_json()
+        except Exception:
+            disk.raise_failure()  # HDF5 cannot read back what a full disk did not take, and says only that
+            raise
         disk.raise_failure()
 
 
