@@ -24,6 +24,7 @@ HELIX = ConeBeam(
     source_to_isocenter=541.0,
     source_to_detector=949.0,
 )
+WHERE = ["--size=60", "--field-of-view=150", "--center", "10", "-20", "3", "--slices=23", "--slice-spacing=4"]
 WORDS = {
     "fbp": ["--method", "fbp"],
     "pnp": ["--method", "pnp", "--denoiser", "tv", "--iterations", "2"],
@@ -39,21 +40,7 @@ def series(request, tmp_path_factory):
     counts = torch.from_numpy(1e5 * np.exp(-MU_WATER * chords(HELIX.focal_spots()[:, None, None], cells))).float()
     scan = Scan(counts, torch.tensor(1e5), 3.0, HELIX, mu_water=MU_WATER)
     write_scan(folder / "scan.h5", scan, provenance=Provenance(["pnpct"], "0.1.0"))
-    where = [
-        "--size",
-        "60",
-        "--field-of-view",
-        "150",
-        "--center",
-        "10",
-        "-20",
-        "3",
-        "--slices",
-        "25",
-        "--slice-spacing",
-        "4",
-    ]
-    assert main(["reconstruct", str(folder / "scan.h5"), f"{folder / 'series'}/", *WORDS[request.param], *where]) == 0
+    assert main(["reconstruct", str(folder / "scan.h5"), f"{folder / 'series'}/", *WORDS[request.param], *WHERE]) == 0
     return folder / "series"
 
 
