@@ -66,7 +66,8 @@ def native_scan(views: int, mode: str, feed: float) -> Scan:
     across, away = -(RADIUS + out) * np.sin(turn), (RADIUS + out) * np.cos(turn) - RADIUS
     detector = Detector(COLUMNS, width, offset, rows=ROWS, row_height=HEIGHT, row_offset=CENTRAL_ROW - (ROWS + 1) / 2)
     numbers = np.arange(views)
-    trajectory = Trajectory(2.9 + 0.1 * numbers, feed * numbers, np.stack([across, away, up], axis=-1).tolist())
+    shifts = list(zip(across.tolist(), away.tolist(), up.tolist(), strict=True))
+    trajectory = Trajectory(2.9 + 0.1 * numbers, feed * numbers, shifts)
     values = np.stack([line_integrals(view, mode, feed).T[::-1] for view in range(views)])
     counts = torch.from_numpy(1e6 * np.exp(-values)).float()
     return Scan(counts, torch.tensor(1e6), 0.0, ConeBeam(trajectory, detector, RADIUS, DISTANCE), MU_WATER)
