@@ -50,3 +50,13 @@ def run(capsys) -> Run:
         return status, written.out, written.err
 
     return run
+
+
+@pytest.fixture
+def full_disk():
+    """A disk on which no file can grow beyond 10 kB."""
+    resource = pytest.importorskip("resource", reason="this system has no limits to set")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)

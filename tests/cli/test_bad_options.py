@@ -122,16 +122,6 @@ def test_a_folder_that_is_not_writable_is_found_before_the_work(run, made, tmp_p
     assert "not writable" in err
 
 
-@pytest.fixture
-def full_disk():
-    """A disk on which no file can grow beyond 10 kB."""
-    resource = pytest.importorskip("resource", reason="this system has no limits to set")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-
-
 @pytest.mark.usefixtures("full_disk")
 def test_a_full_disk_gets_one_line_and_leaves_nothing_behind(run, made, tmp_path):
     status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5", "--method", "fbp")

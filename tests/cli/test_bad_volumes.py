@@ -1,12 +1,14 @@
 """Scans and disks from which no volume can come: one sentence, and what was there is there."""
 
 import subprocess
+from dataclasses import replace
 
 import pytest
 from cone_scans import HELIX, scan_of_water
 from mistakes import contents
 
 from pnpct.files import Provenance, sole_writer, write_scan
+from pnpct.geometry import Trajectory
 
 WORDS = ["--method", "fbp", "--size", "24", "--field-of-view", "240"]
 
@@ -35,6 +37,18 @@ def test_scans_with_too_few_views(run, scan, tmp_path, views, complaint):
         assert (status, err.count("\n")) == (2, 1)
         assert complaint in err
         assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("views", [range(30), [7]], ids=["less than half a turn", "one view"])
+def test_axial_scans_with_too_few_views(run, tmp_path, views):
+    circle = replace(HELIX, trajectory=Trajectory(HELIX.trajectory.angles))
+    write_scan(tmp_path / "scan.h5", scan_of_water(circle[list(views)]), provenance=Provenance(["pnpct"], "0.1.0"))
+    before = contents(tmp_path)
+    status, _, err = run("reconstruct", tmp_path / "scan.h5", tmp_path / "out.h5", *WORDS)
+    assert (status, err.count("\n")) == (2, 1)
+    assert "needs the views of 0.60 turns, but this axial scan has 0." in err
+    assert contents(tmp_path) == before
+    assert "slices: none has all its views\n" in run("info", tmp_path / "scan.h5")[1]
 
 
 def test_slices_that_have_no_half_turn_around_them(run, scan, tmp_path):

@@ -76,6 +76,15 @@ def test_a_mistake_gets_one_line_and_leaves_nothing_behind(run, tmp_path, remove
     assert [path.name for path in tmp_path.iterdir()] == ["views"]
 
 
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_said_also_where_hdf5_reads_what_it_lacks(run, tmp_path):
+    folder = write_folder(tmp_path / "views", views=140)  # slabs that end within a chunk, which is read again
+    status, out, err = run("import", "dicom-ct-pd", folder, tmp_path / "scan.h5")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert f"{tmp_path / 'scan.h5'} was not written: the disk is full" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["views"]
+
+
 @pytest.mark.parametrize(
     ("option", "value", "message"),
     [

@@ -5,8 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import torch
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.uid import UID, ExplicitVRLittleEndian, ImplicitVRLittleEndian
+
+from pnpct.geometry import ConeBeam, Detector, Trajectory
+from pnpct.physics import Scan
 
 COLUMNS, ROWS, VIEWS = 24, 8, 12
 WIDTH, HEIGHT = 18.0, 6.0
@@ -51,6 +55,22 @@ def line_integrals(view: int, mode: str, feed: float) -> np.ndarray:
     cells[..., 1] = (RADIUS * math.cos(phi) - DISTANCE * np.cos(phi + gamma))[:, None]
     cells[..., 2] = z - (np.arange(1, ROWS + 1) - CENTRAL_ROW) * HEIGHT
     return MU_WATER * chords(source, cells)
+
+
+def native_scan(views: int, mode: str, feed: float) -> Scan:
+    """The scan of which `write_folder` writes the views."""
+    step = WIDTH / DISTANCE
+    width = 2 * DISTANCE * math.tan(step / 2)
+    offset = math.tan(((COLUMNS + 1) / 2 - CENTRAL_COLUMN) * step) * DISTANCE / width
+    turn, up, out = np.array([shift_of(view, mode) for view in range(views)]).T
+    across, away = -(RADIUS + out) * np.sin(turn), (RADIUS + out) * np.cos(turn) - RADIUS
+    detector = Detector(COLUMNS, width, offset, rows=ROWS, row_height=HEIGHT, row_offset=CENTRAL_ROW - (ROWS + 1) / 2)
+    numbers = np.arange(views)
+    shifts = list(zip(across.tolist(), away.tolist(), up.tolist(), strict=True))
+    trajectory = Trajectory(2.9 + 0.1 * numbers, feed * numbers, shifts)
+    values = np.stack([line_integrals(view, mode, feed).T[::-1] for view in range(views)])
+    counts = torch.from_numpy(1e6 * np.exp(-values)).float()
+    return Scan(counts, torch.tensor(1e6), 0.0, ConeBeam(trajectory, detector, RADIUS, DISTANCE), MU_WATER)
 
 
 def write_folder(

@@ -70,6 +70,10 @@ CHANGES = {
     "no photons": (without(0x70331065), r"PhotonStatistics\); give them \(--incident\)"),
     "negative photons": (private(None, 0x70331065, [-1.0]), r"positive .* each of the 24 columns, got 1 from -1"),
     "a few photons": (private(None, 0x70331065, [1.0, 2.0]), "each of the 24 columns, got 2"),
+    "a jump of the table": (
+        lambda view, at: private(None, 0x70311002, 0.3 * at + 20 * (at > 5))(view, at),
+        r"table jumps from z = 1.5 to 21.8 mm between the views 506 and 507; .* of its own",
+    ),
     "an uneven angle": (private(6, 0x70311001, writer.angle_of(6) + 0.08), "numbers 506 and 507 are 10.3.* degrees"),
 }
 

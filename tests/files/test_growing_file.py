@@ -20,23 +20,32 @@ def test_what_follows_a_failure_is_lost_and_the_failure_is_raised(tmp_path):
     resource = pytest.importorskip("resource", reason="this system has no limits to set")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     noise = np.random.default_rng(1).standard_normal((64, 100))
-    with GrowingFile(tmp_path / "a.h5") as disk:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
-        try:
+    try:
+        with pytest.raises(OSError) as raised, GrowingFile(tmp_path / "a.h5") as disk:  # noqa: PT011, PT012 - by its number
+            resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
             with h5py.File(disk, "w") as file:
                 dataset = file.create_dataset("noise", (64, 100), float, chunks=(1, 100), compression="gzip")
                 for row in range(64):
                     dataset[row] = noise[row]
                 file.create_group("after")
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        with pytest.raises(OSError) as raised:  # noqa: PT011 - its number says which
-            disk.raise_failure()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert raised.value.errno == errno.EFBIG
 
 
 def test_nothing_is_raised_where_all_was_written(tmp_path):
     with GrowingFile(tmp_path / "a") as disk:
         assert disk.write(b"abc") == 3
-        disk.raise_failure()
     assert (tmp_path / "a").read_bytes() == b"abc"
+
+
+@pytest.mark.parametrize("error", [OSError("HDF5 cannot read what is not there"), KeyboardInterrupt()])
+def test_a_failure_takes_the_place_of_errors_that_come_of_it(tmp_path, monkeypatch, error):
+    def fill():
+        with GrowingFile(tmp_path / "a") as disk:
+            monkeypatch.setattr(disk, "_failure", OSError(errno.ENOSPC, "No space left on device"))
+            raise error
+
+    with pytest.raises(OSError if isinstance(error, OSError) else KeyboardInterrupt) as raised:
+        fill()
+    assert getattr(raised.value, "errno", errno.ENOSPC) == errno.ENOSPC

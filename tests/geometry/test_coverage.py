@@ -49,6 +49,14 @@ def test_slices_of_an_axial_scan_are_those_that_the_rows_see():
     assert cover.slices == pytest.approx((middle - COLLIMATION / 2, middle + COLLIMATION / 2))
 
 
+@pytest.mark.parametrize("views", [1, 30, 59])
+def test_an_axial_scan_of_less_than_half_a_turn_and_a_fan_has_no_slice(views):
+    circle = helix(turns=1.0, feed=0.0)
+    assert math.degrees(circle.short_scan) == pytest.approx(180 + 48.3, abs=0.01)
+    assert Coverage(circle[:views]).slices is None
+    assert Coverage(circle[:64]).slices == Coverage(circle).slices
+
+
 @pytest.mark.parametrize(
     ("first", "second", "mode"),
     [

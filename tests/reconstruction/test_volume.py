@@ -90,6 +90,27 @@ def test_a_coin_far_from_the_axis_lies_flat_at_its_height_where_horizontal_slice
     assert peaks["tilted"] > 1.2 * peaks["single-slice"]
 
 
+OTHER_SCANNERS = {
+    "turning back": replace(HELIX, trajectory=Trajectory(-ANGLES, z=HELIX.trajectory.z)),
+    "falling": replace(HELIX, trajectory=Trajectory(ANGLES + 2.0, z=-HELIX.trajectory.heights)),
+    "both": replace(HELIX, trajectory=Trajectory(-ANGLES, z=-HELIX.trajectory.heights)),
+    "a pitch of 1.3": replace(HELIX, trajectory=Trajectory(ANGLES, z=1.3 * HELIX.trajectory.heights)),
+    "rows and bins aside": replace(HELIX, detector=replace(DETECTOR, offset=-6.25, row_offset=1.75)),
+    "flat": replace(HELIX, detector=replace(DETECTOR, kind="flat", row_offset=0.25)),
+    "flying focal spot": replace(HELIX, trajectory=replace(HELIX.trajectory, focal_spot_shifts=FLYING)),
+    "axial": replace(CIRCLE, detector=replace(DETECTOR, row_offset=-1.25)),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_SCANNERS)
+def test_a_ball_is_where_it_is_however_the_scanner_turns(name):
+    geometry, (center, axes) = OTHER_SCANNERS[name], ((55.0, -40.0, 1.5), (8.0, 8.0, 5.0))
+    grid = VolumeGrid(ImageGrid(20, 20, spacing=2.0, center=(54.0, -41.0)), slices=17, slice_spacing=1.0, z=1.0)
+    image = volume_of(chords(geometry, (center, axes, 1.0)), geometry, grid).double().numpy()
+    z, y, x = np.meshgrid(grid.heights, grid.plane.y, grid.plane.x, indexing="ij")
+    assert [(image * along).sum() / image.sum() for along in (x, y, z)] == pytest.approx(center, abs=0.1)
+
+
 def test_slices_do_not_depend_on_where_one_begins_or_on_the_slab(helix_rays):
     whole = volume_of(helix_rays, HELIX)
     slabs = list(reconstruct_volume(rays_of(helix_rays), HELIX, STACK, FBP(), mu_water=MU_WATER, first=1, slab=3))

@@ -17,5 +17,5 @@ def in_words(geometry: ConeBeam) -> dict[str, str]:
     }
     if cover.feed:
         return {"path": f"helix, feed {cover.feed:.3f} mm a turn, pitch {cover.pitch:.3f}", **words}
-    words["slices"] += " on the axis; fewer away from it, for the cone"
+    words["slices"] += " on the axis; fewer away from it, for the cone" if slices else ""
     return {"path": "axial", **words}

@@ -1,6 +1,7 @@
 """A file for the HDF5 library to write to, on a disk that may fill up."""
 
 import io
+from types import TracebackType
 from typing import Any
 
 from pnpct.files.errors import PathLike
@@ -10,7 +11,8 @@ class GrowingFile(io.FileIO):
     """A file that takes whatever is written, and says at its end whether the disk took it.
 
     The HDF5 library crashes the process when a write fails under it. Here none does: after the first failure what
-    is written is lost, and `raise_failure` raises it. Its buffers are of any type that has one.
+    is written is lost. The end of the block raises that failure, in place of what HDF5 may say when it reads back what
+    is not there. Its buffers are of any type that has one.
 
     Args:
         path: File to write.
@@ -23,14 +25,13 @@ class GrowingFile(io.FileIO):
         super().__init__(path, "w+")
         self._failure: OSError | None = None
 
-    def raise_failure(self) -> None:
-        """Raise what went wrong, if something did.
-
-        Raises:
-            OSError: If a write has failed.
-        """
-        if self._failure is not None:
-            raise self._failure
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close, and raise what went wrong with a write, if something did."""
+        super().__exit__(kind, error, trace)
+        if self._failure is not None and (error is None or isinstance(error, Exception)):
+            raise self._failure from error
 
     def write(self, content: Any, /) -> int:
         """Write all of the content, or remember why not."""

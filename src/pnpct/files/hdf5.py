@@ -46,13 +46,11 @@ def new_hdf5(
     Raises:
         OSError: If the file cannot be written.
     """
-    with atomic_path(path) as temporary, GrowingFile(temporary) as disk:
-        with h5py.File(disk, "w") as file:
-            file.attrs.update(format=file_format, format_version=FORMAT_VERSION, description=description)
-            yield file
-            known = provenance if isinstance(provenance, Provenance) else provenance()
-            file.attrs["provenance"] = known.to_json()
-        disk.raise_failure()
+    with atomic_path(path) as temporary, GrowingFile(temporary) as disk, h5py.File(disk, "w") as file:
+        file.attrs.update(format=file_format, format_version=FORMAT_VERSION, description=description)
+        yield file
+        known = provenance if isinstance(provenance, Provenance) else provenance()
+        file.attrs["provenance"] = known.to_json()
 
 
 @contextmanager

@@ -115,10 +115,18 @@ class ConeBeam:
         return self.detector.row_height * self.source_to_isocenter / self.source_to_detector
 
     @property
+    def short_scan(self) -> float:
+        """Angle over which a slice needs views, rad: half a turn and the fan, whose wider side counts twice."""
+        return math.pi + 2 * self._widest_fan_angle
+
+    @property
     def field_of_view_radius(self) -> float:
         """Radius of the circle about the axis that the wider side of the fan reaches, mm."""
-        widest = float(np.abs(self.fan_angle_edges[[0, -1]]).max())
-        return self.source_to_isocenter * math.sin(widest)
+        return self.source_to_isocenter * math.sin(self._widest_fan_angle)
+
+    @property
+    def _widest_fan_angle(self) -> float:
+        return float(np.abs(self.fan_angle_edges[[0, -1]]).max())
 
     def grid(self, size: int = DEFAULT_SIZE) -> ImageGrid:
         """Return square pixels over the field of view of the fan.

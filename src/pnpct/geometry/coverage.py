@@ -15,6 +15,9 @@ _SAME_SPOT = 0.05
 _AT_REST = 1e-3
 """mm a turn; a slower table is at rest."""
 
+_ROUNDING = 1e-4
+"""Turns; angles are stored in single precision."""
+
 
 @dataclass(frozen=True)
 class Coverage:
@@ -75,17 +78,19 @@ class Coverage:
     def slices(self) -> tuple[float, float] | None:
         """Lowest and highest slice with all its views, mm; None if there is none.
 
-        Of a helix these are slices around which the focal spot makes half a turn and a fan; of an axial scan those
-        that the rows see on the axis: away from it the cone sees less, in proportion to the distance from the focal
-        spot.
+        Of a helix these are slices around which the focal spot makes half a turn and a fan; of an axial scan with as
+        many views those that the rows see on the axis: away from it the cone sees less, in proportion to the distance
+        from the focal spot.
         """
         low, high = self.heights
+        short_scan = self.geometry.short_scan / (2 * math.pi)
         if not self.feed:
+            if self.turns < min(1.0, short_scan) - _ROUNDING:
+                return None
             scale = self.geometry.source_to_isocenter / self.geometry.source_to_detector
             edges = self.geometry.detector.row_edges * scale
             return high + float(edges[0]), low + float(edges[-1])
-        fan = float(np.abs(self.geometry.fan_angle_edges[[0, -1]]).max())
-        needed = abs(self.feed) * (math.pi / 2 + fan) / (2 * math.pi)
+        needed = abs(self.feed) * short_scan / 2
         return (low + needed, high - needed) if low + needed <= high - needed else None
 
     @property

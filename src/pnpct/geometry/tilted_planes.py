@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pnpct.geometry.cone_beam import ConeBeam
+from pnpct.geometry.coverage import Coverage
 from pnpct.geometry.fan_beam import FanBeam
 from pnpct.geometry.plane_stack import Array, Plane, PlaneStack, spanning
 
@@ -107,6 +108,11 @@ class TiltedPlanes:
             ValueError: If there are none.
         """
         if self.feed == 0:
+            if (cover := Coverage(self.geometry)).slices is None:
+                raise ValueError(
+                    f"A slice needs the views of {self.geometry.short_scan / (2 * math.pi):.2f} turns, but this axial "
+                    f"scan has {cover.turns:.2f} turns; give a longer scan."
+                )
             rows = self.geometry.detector.row_positions * self.geometry.row_height_at_isocenter
             low, high = self._heights[0] + rows[[0, -1]] / max(self.geometry.detector.row_height, 1e-6)
             return float(low), float(high)
@@ -260,8 +266,8 @@ class TiltedPlanes:
     @cached_property
     def _half(self) -> int:
         """Steps from the middle of a window to its ends."""
-        fan = float(np.abs(self.geometry.fan_angle_edges[[0, -1]]).max())
-        return round((math.pi / 2 + fan) / (2 * math.pi) * _STEPS) if self.rebinning == "tilted" else _STEPS // 2
+        half = round(self.geometry.short_scan / (4 * math.pi) * _STEPS)
+        return half if self.rebinning == "tilted" else _STEPS // 2
 
     @cached_property
     def _windows(self) -> tuple[int, int]:

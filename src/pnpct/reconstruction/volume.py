@@ -18,6 +18,9 @@ from pnpct.reconstruction.plane_images import PlaneImages, RaysOfViews, images_o
 SLAB = 8
 """Slices of a slab."""
 
+_FINEST = 100
+"""Most planes for the height of a detector row: those of a window are in memory together."""
+
 
 @dataclass(frozen=True, eq=False)
 class Slab:
@@ -68,9 +71,9 @@ def reconstruct_volume(
         method: What makes the image of a plane.
         mu_water: Attenuation of water at the effective energy, 1/mm.
         thickness: Each slice is the mean over so many mm; 0 is as thin as the detector rows make it.
-        plane_spacing: Largest distance between planes, mm, > 0; half a detector row if None, and a whole one for slices
-            of two rows or more. The method is called for each plane: twice the distance is half the time, and less
-            resolution along z away from the axis.
+        plane_spacing: Largest distance between planes, mm, at least a hundredth of a detector row; half a row if None,
+            and a whole one for slices of two rows or more. The method is called for each plane: twice the distance is
+            half the time, and less resolution along z away from the axis.
         rebinning: "tilted", or "single-slice" as the control.
         first: Number of the slice to begin with.
         slab: Slices in what is yielded, at least 1; the last one may have fewer.
@@ -85,16 +88,13 @@ def reconstruct_volume(
         ValueError: If an option is out of range, the scan does not cover a slice, or `rays` or `method` cannot be given
             to other processes.
     """
-    if not (math.isfinite(thickness) and thickness >= 0):
-        raise ValueError(f"The thickness of slices is a length in mm from 0 up, got {thickness}.")
-    if plane_spacing is not None and not (math.isfinite(plane_spacing) and plane_spacing > 0):
-        raise ValueError(f"The distance between planes must be a positive length in mm, got {plane_spacing}.")
     if slab < 1:
         raise ValueError(f"A slab has at least one slice, got {slab}.")
     if processes < 1:
         raise ValueError(f"A volume needs at least one process, got {processes}.")
     planes = TiltedPlanes(geometry, rebinning)
     check_covered(planes, grid, thickness)
+    spacing = plane_distance(planes, grid, thickness, plane_spacing)
     samples = _samples(planes, grid, thickness)
     slices = [grid.heights[number] + samples for number in range(first, grid.slices)]
     if not slices:
@@ -103,7 +103,7 @@ def reconstruct_volume(
     stacks = planes.stacks(
         grid.heights[0] + samples[0] - margin,
         grid.heights[-1] + samples[-1] + margin,
-        spacing=plane_distance(planes, grid, thickness, plane_spacing),
+        spacing=spacing,
     )
     stacks = spanning(stacks, slices[0][0] - margin, math.inf)
     images_of = PlaneImages(rays, planes, grid.plane, method, mu_water)
@@ -130,8 +130,10 @@ def covered_slices(planes: TiltedPlanes, plane: ImageGrid, thickness: float = 0.
         thickness: Of a slice, mm.
 
     Raises:
-        ValueError: If there is none.
+        ValueError: If there is none, or the thickness is out of range.
     """
+    if not (math.isfinite(thickness) and thickness >= 0):
+        raise ValueError(f"The thickness of slices is a length in mm from 0 up, got {thickness}.")
     low, high = planes.reach
     less = _margin(planes, plane) + thickness / 2
     if low + less > high - less:
@@ -165,8 +167,18 @@ def plane_distance(planes: TiltedPlanes, grid: VolumeGrid, thickness: float, lar
         grid: The slices.
         thickness: Of a slice, mm.
         largest: The `plane_spacing` of `reconstruct_volume`.
+
+    Raises:
+        ValueError: If that is out of range.
     """
     row = planes.geometry.row_height_at_isocenter or grid.slice_spacing
+    if largest is not None and not (math.isfinite(largest) and largest > 0):
+        raise ValueError(f"The distance between planes must be a positive length in mm, got {largest}.")
+    if largest is not None and largest < row / _FINEST:
+        raise ValueError(
+            f"The distance between planes must be at least {row / _FINEST:.2g} mm, a hundredth of a detector row, got "
+            f"{largest:g}; planes nearer than half a row hardly differ."
+        )
     spacing = (row if thickness >= 2 * row else row / 2) if largest is None else largest
     if planes.feed == 0 and thickness == 0:
         return grid.slice_spacing / math.ceil(grid.slice_spacing / max(row, spacing) - 1e-6)

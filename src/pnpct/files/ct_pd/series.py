@@ -100,7 +100,7 @@ def series_of(folder: PathLike, views: Sequence[View]) -> CTPDSeries:
 
     Raises:
         FileFormatError: If there is no view, several series or spectra, views that do not fit each other, or if views
-            are missing or come twice.
+            are missing or come twice, or the table jumps.
     """
     folder = Path(folder)
     if not views:
@@ -111,6 +111,7 @@ def series_of(folder: PathLike, views: Sequence[View]) -> CTPDSeries:
     ordered = sorted(views, key=lambda view: view.number)
     _check_numbers(folder, ordered)
     _check_layouts(ordered)
+    _check_heights(ordered)
     _check_angles(ordered)
     return CTPDSeries(folder, ordered)
 
@@ -160,6 +161,21 @@ def _check_layouts(ordered: Sequence[View]) -> None:
                     f"{view.path} does not fit {first.path.name}: its {field.name.replace('_', ' ')} is {other}, that "
                     f"of the other {one}."
                 )
+
+
+def _check_heights(ordered: Sequence[View]) -> None:
+    """Check that the table does not jump by a detector row or more, as between two scans or where a turn is missing."""
+    steps = np.diff([view.z for view in ordered])
+    layout = ordered[0].layout
+    away = np.abs(steps - np.median(steps)) if steps.size else steps
+    if steps.size and away.max() > layout.row_height * layout.radius / layout.distance:
+        at = int(away.argmax())
+        one, other = ordered[at], ordered[at + 1]
+        raise FileFormatError(
+            f"{one.path.parent}: the table jumps from z = {one.z:.4g} to {other.z:.4g} mm between the views "
+            f"{one.number} and {other.number}; copy the views that are missing there, or move the views of each scan "
+            "into a folder of its own."
+        )
 
 
 def _check_angles(ordered: Sequence[View]) -> None:
