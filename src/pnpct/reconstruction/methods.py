@@ -24,7 +24,7 @@ from pnpct.reconstruction.starting import STRENGTH, around_total_variation, smoo
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
 
-FIRST = 2.0
+FIRST = 3.0
 """σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
 
 FALL = 0.6
