@@ -26,8 +26,9 @@ demo: $(READY)  ## Simulate a low-dose slice, reconstruct it in several ways, wr
 test: $(READY)  ## Run the tests, README and docs included.
 	$(BIN)/pytest -q -n auto --dist loadfile -m "not slow"
 
-test-slow: $(READY)  ## Run all tests, the slow ones too.
+test-slow: $(READY)  ## Run all tests, the slow ones and the examples of the docstrings too.
 	$(BIN)/pytest -q
+	$(BIN)/pytest -q --doctest-modules src
 
 lint: $(READY)  ## Format, lint, types and import contracts.
 	$(BIN)/ruff format --check

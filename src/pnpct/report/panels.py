@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from pnpct.arrays import Image
 from pnpct.comparison import Comparison, Detail
 from pnpct.files import Provenance, atomic_path, check_window
+from pnpct.geometry.short_repr import short_repr
 from pnpct.report.images import columns, labels, read_shown
 from pnpct.report.words import spell_exactly
 from pnpct.units import to_hu
@@ -48,6 +49,8 @@ class PanelRow:
     label: str
     images: Mapping[str, Image]
     details: Sequence[Detail] = ()
+
+    __repr__ = short_repr
 
     @property
     def shape(self) -> tuple[int, int]:
