@@ -258,6 +258,6 @@ class Comparison:
     least_reductions: tuple[LeastReduction, ...] = ()
 
     def __repr__(self) -> str:
-        methods, cases = (", ".join(each.label for each in of) for of in (self.methods, self.cases))
+        methods, cases = ("; ".join(each.label for each in of) for of in (self.methods, self.cases))
         failed = sum(check.verdict == "fail" for check in self.checks)
         return f"<Comparison: {methods}; on {cases}; {len(self.checks)} checks, {failed} failed>"
