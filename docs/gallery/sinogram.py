@@ -1,4 +1,4 @@
-"""What a scanner measures of a pelvis at 40 mA: line integrals, view below view."""
+"""What a scanner measures of a pelvis with a metal hip at 40 mA: line integrals, view below view."""
 
 from pathlib import Path
 
