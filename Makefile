@@ -26,8 +26,9 @@ demo: $(READY)  ## Simulate a low-dose slice, reconstruct it in several ways, wr
 test: $(READY)  ## Run the tests, README and docs included.
 	$(BIN)/pytest -q -n auto --dist loadfile -m "not slow"
 
-test-slow: $(READY)  ## Run all tests, the slow ones too.
+test-slow: $(READY)  ## Run all tests, the slow ones and the examples of the docstrings too.
 	$(BIN)/pytest -q
+	$(BIN)/pytest -q --doctest-modules src
 
 lint: $(READY)  ## Format, lint, types and import contracts.
 	$(BIN)/ruff format --check
@@ -37,13 +38,14 @@ lint: $(READY)  ## Format, lint, types and import contracts.
 
 check: lint test  ## What must be green at each commit.
 
-dist: $(READY)  ## Build the wheel and the source, check them, and run the demo of the wheel in a new environment.
+dist: $(READY)  ## Build the wheel and the source, check them, and go the walks of users with the wheel in a new environment.
 	rm -rf dist
 	$(BIN)/python -m build --quiet
 	$(BIN)/twine check --strict dist/*
 	FRESH=$$(mktemp -d) && trap 'rm -rf "$$FRESH"' EXIT && $(PYTHON) -m venv "$$FRESH/venv" \
 	  && "$$FRESH/venv/bin/pip" install --quiet --constraint constraints.txt dist/*.whl \
-	  && cd "$$FRESH" && NUMBA_CACHE_DIR="$$FRESH/numba" venv/bin/pnpct demo --quick
+	  && export NUMBA_CACHE_DIR="$$FRESH/numba" && (cd "$$FRESH" && venv/bin/pnpct demo --quick) \
+	  && "$$FRESH/venv/bin/python" tests/walks/walk.py tests/walks/*.txt
 
 site: $(READY)  ## Build the documentation as a site in site/; a warning is an error.
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[site]'

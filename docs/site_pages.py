@@ -26,6 +26,11 @@ def documents() -> Iterator[Path]:
         yield from sorted(ROOT.glob(pattern))
 
 
+def notebooks() -> list[Path]:
+    """Return the notebooks, which the site runs."""
+    return sorted(ROOT.glob("docs/notebooks/*.ipynb"))
+
+
 def linked_files() -> set[Path]:
     """Return the files of the project that documents link to: pictures, scripts, tests."""
     links = ((page.parent / link).resolve() for page in documents() for link in LINK.findall(page.read_text("utf-8")))
@@ -106,8 +111,11 @@ def on_files(files: Any, *, config: Any) -> Any:
 
     theme = [file for file in files if file.src_dir != config.docs_dir]
     style = ROOT / "docs" / "site.css"
-    kept = [path.relative_to(ROOT).as_posix() for path in sorted({*documents(), *linked_files(), style})]
+    kept = [path.relative_to(ROOT).as_posix() for path in sorted({*documents(), *notebooks(), *linked_files(), style})]
     written = [File(path, str(ROOT), config.site_dir, config.use_directory_urls) for path in kept]
     texts = reference_pages() | {COMMAND_LINE: command_line_page()}
     made = [File.generated(config, path, content=text) for path, text in texts.items()]
     return Files([*theme, *written, *made])
+
+
+on_files.mkdocs_priority = 100  # type: ignore[attr-defined]  # before what makes pages of notebooks

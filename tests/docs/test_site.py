@@ -56,8 +56,8 @@ def test_every_command_has_its_help(site):
 
 
 def test_the_navigation_has_every_page(site, pages):
-    listed = re.findall(r"^ +- .*: (\S+\.md)$", SETTINGS, re.MULTILINE)
-    written = [path.relative_to(ROOT).as_posix() for path in site.documents()]
+    listed = re.findall(r"^ +- .*: (\S+\.(?:md|ipynb))$", SETTINGS, re.MULTILINE)
+    written = [path.relative_to(ROOT).as_posix() for path in (*site.documents(), *site.notebooks())]
     assert sorted(listed) == sorted(
         [*pages, site.COMMAND_LINE, *(path for path in written if "/decisions/0" not in path)]
     )

@@ -10,7 +10,7 @@ from PIL import Image as Picture
 
 from pnpct.comparison import Detail, read_comparison
 from pnpct.files import Provenance
-from pnpct.report import PanelRow, draw_panels, panel_rows, write_panels
+from pnpct.report import PanelRow, draw_panels, panel_rows, show, write_panels
 from pnpct.units import from_hu, to_hu
 
 PROVENANCE = Provenance(["pnpct", "report"], "0.1.0")
@@ -31,11 +31,11 @@ def shown(figure):
     return [(each, each.get_window_extent()) for each in axes if each.images]
 
 
-def test_rows_are_cases_and_columns_methods_with_the_truth_last(rows):
+def test_rows_are_cases_and_columns_methods_with_the_truth_last(folder, rows):
     assert [row.label for row in rows] == ["Chest, 40 mA", "Head, 60 mA"]
     for row in rows:
         assert [*row.images] == ["FBP", "Blurred FBP", "PnP-ADMM", "Reference", "Truth"]
-    figure = draw_panels(rows)
+    figure = show(folder)
     titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
     assert titles == ["FBP", "Blurred FBP", "PnP-ADMM", "Reference", "Truth"]
     assert [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()] == ["Chest, 40 mA", "Head, 60 mA"]

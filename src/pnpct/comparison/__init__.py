@@ -17,10 +17,10 @@ from pnpct.comparison.methods import (
     Reconstruct,
     controls,
 )
+from pnpct.comparison.metrics_file import RESULTS, read_comparison, write_comparison
 from pnpct.comparison.one_scan import OneScan, compare_one_scan
 from pnpct.comparison.phantoms import Phantoms, lesion_in_words
 from pnpct.comparison.schema import (
-    RESULTS,
     Case,
     Check,
     ComparedMethod,
@@ -33,8 +33,6 @@ from pnpct.comparison.schema import (
     StoredImage,
     Task,
     TextureGroup,
-    read_comparison,
-    write_comparison,
 )
 from pnpct.comparison.study import Study
 from pnpct.comparison.subjects import Subject, subjects_of

@@ -14,9 +14,10 @@ from pnpct.comparison.dose_tasks import with_phantoms
 from pnpct.comparison.lesion_checks import LEAST_D_PRIME, RECOVERED
 from pnpct.comparison.measures import score_definitions
 from pnpct.comparison.methods import Candidates, Reconstruct, controls, unpacked
+from pnpct.comparison.metrics_file import write_comparison
 from pnpct.comparison.one_scan import OneScan, compare_one_scan, texture_spec
 from pnpct.comparison.phantom_measurements import measure_phantoms, phantom_jobs
-from pnpct.comparison.schema import Comparison, Numbers, TextureGroup, write_comparison
+from pnpct.comparison.schema import Comparison, Numbers, TextureGroup
 from pnpct.comparison.study import Study
 from pnpct.comparison.subjects import REFERENCE_MA, Subject, subjects_of
 from pnpct.comparison.table import write_table

@@ -27,6 +27,7 @@ from pnpct.evaluation import (
 )
 from pnpct.evaluation.data.consistency import CORRELATED
 from pnpct.evaluation.data.disc_information import disc_information
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 
@@ -72,6 +73,8 @@ class Evidence:
     methods: Candidates
     study: Study
     folder: ImageFolder
+
+    __repr__ = short_repr
 
     @cached_property
     def body(self) -> Mask:

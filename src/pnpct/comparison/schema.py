@@ -1,22 +1,12 @@
-"""The JSON schema of a comparison: `metrics.json` as frozen records, whose format version is checked when read."""
+"""The JSON schema of a comparison: `metrics.json` as frozen records."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-import msgspec
-
 from pnpct.evaluation import Detectability, Interval, LesionRecovery, Patch, TextureChange
-from pnpct.files import FileFormatError, Provenance, atomic_path
-from pnpct.files.errors import shown
-from pnpct.files.json_file import check_numbers, load_json
+from pnpct.files import Provenance
 from pnpct.geometry import ImageGrid
-
-RESULTS = "metrics.json"
-"""Name of the file in the folder of a comparison."""
-
-FORMAT, FORMAT_VERSION = "pnpct-comparison", 2
 
 Verdict: TypeAlias = Literal["pass", "fail", "not judged"]
 Observer: TypeAlias = Literal["channelised Hotelling", "NPWE"]
@@ -267,34 +257,7 @@ class Comparison:
     checks: tuple[Check, ...] = ()
     least_reductions: tuple[LeastReduction, ...] = ()
 
-
-def write_comparison(folder: Path, comparison: Comparison) -> None:
-    """Write `metrics.json` into the folder of a comparison.
-
-    Raises:
-        OSError: If the file cannot be written.
-    """
-    content = {"format": FORMAT, "format_version": FORMAT_VERSION, **msgspec.to_builtins(comparison)}
-    with atomic_path(folder / RESULTS) as temporary:
-        temporary.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n")
-
-
-def read_comparison(folder: Path) -> Comparison:
-    """Read `metrics.json` from the folder of a comparison.
-
-    Raises:
-        OSError: If there is none or it cannot be read.
-        FileFormatError: If it is something else, or of another format version.
-    """
-    path = folder / RESULTS
-    found = load_json(path)
-    if found.pop("format", None) != FORMAT:
-        raise FileFormatError(f"{path} is not what a comparison writes.")
-    if (written := found.pop("format_version", None)) != FORMAT_VERSION:
-        theirs = f"{path} has the format version {shown(written)}, and this pnpct reads {FORMAT_VERSION}"
-        raise FileFormatError(f"{theirs}: make the comparison again, or read it with the pnpct that wrote it.")
-    try:
-        check_numbers(found)
-        return msgspec.convert(found, Comparison)
-    except ValueError as error:
-        raise FileFormatError(f"{path} is not what a comparison writes: {str(error).rstrip('.')}.") from error
+    def __repr__(self) -> str:
+        methods, cases = ("; ".join(each.label for each in of) for of in (self.methods, self.cases))
+        failed = sum(check.verdict == "fail" for check in self.checks)
+        return f"<Comparison: {methods}; on {cases}; {len(self.checks)} checks, {failed} failed>"

@@ -12,6 +12,7 @@ from pnpct.arrays import Image
 from pnpct.comparison.study import Study
 from pnpct.files import describe_file, read_exposure, read_scan, read_truth, tube_voltages
 from pnpct.geometry import ImageGrid, require_image_grid
+from pnpct.geometry.short_repr import short_repr
 from pnpct.physics import Scan
 
 REFERENCE_MA = 800.0
@@ -88,6 +89,8 @@ class LoadedSubject:
     grid: ImageGrid
     truth: Image | None
     references: Mapping[str, Scan]
+
+    __repr__ = short_repr
 
 
 def subjects_of(files: Sequence[Path], study: Study) -> Iterator[Subject]:

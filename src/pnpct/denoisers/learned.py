@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from pnpct.arrays import Image
 from pnpct.denoisers.noise_level import NoiseLevel, NoiseOf, check_noise_level
+from pnpct.geometry.short_repr import short_repr
 
 DENSEST = 4.0
 """The largest value that a network is given, relative to water: 3000 HU, more than any bone.
@@ -59,6 +60,8 @@ class LearnedDenoiser:
     batch: int = 1
     name: str = ""
     sha256: str = ""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         check_noise_level(self.network, self.noise_level)

@@ -32,6 +32,7 @@ from pnpct.files.hdf5 import (
 from pnpct.files.provenance import Provenance
 from pnpct.files.rounding import rounded
 from pnpct.geometry import ImageGrid, require_fan_beam, require_image_grid
+from pnpct.geometry.short_repr import short_repr
 from pnpct.physics import Exposure, Moments
 
 FORMAT = "pnpct-exposures"
@@ -57,6 +58,8 @@ class ExposedSlice:
     exposure: Exposure
     truth: Image | None = None
     grid: ImageGrid | None = None
+
+    __repr__ = short_repr
 
 
 def write_exposures(

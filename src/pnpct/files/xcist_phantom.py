@@ -31,6 +31,7 @@ from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
 from pnpct.files.json_file import file_beside, parse_json
 from pnpct.geometry import ImageGrid
+from pnpct.geometry.short_repr import short_repr
 
 _TYPES = {
     "int8": "<i1",
@@ -73,6 +74,8 @@ class FractionMap:
     grid: ImageGrid
     slice_thickness: float
     center_z: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         shape = self.fractions.shape

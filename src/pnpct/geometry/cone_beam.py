@@ -71,6 +71,17 @@ class ConeBeam:
     def __getitem__(self, views: Views) -> "ConeBeam":
         return replace(self, trajectory=self.trajectory[views])
 
+    def __repr__(self) -> str:
+        detector, collimation = self.detector, self.rows * self.row_height_at_isocenter
+        pitch = abs(self.trajectory.feed) / collimation if collimation else 0.0
+        cells = f"{detector.bin_width:.4g}" + (f" x {detector.row_height:.4g}" if detector.row_height else "")
+        return (
+            f"<ConeBeam: {self.trajectory}{f' (pitch {pitch:.3g})' if pitch else ''}; {detector}, cells of {cells} mm"
+            f"{f', offset {detector.offset:.4g}' if detector.offset else ''}; focal spot to axis "
+            f"{self.source_to_isocenter:.4g} mm, to detector {self.source_to_detector:.4g} mm; sees "
+            f"{self.field_of_view_radius:.4g} mm around the axis>"
+        )
+
     def __str__(self) -> str:
         return f"{self.views} views of {self.detector}"
 

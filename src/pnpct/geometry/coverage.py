@@ -12,9 +12,6 @@ from pnpct.geometry.cone_beam import ConeBeam
 _SAME_SPOT = 0.05
 """mm; focal spots nearer to each other are one: those that fly do so by a tenth of a millimetre and more."""
 
-_AT_REST = 1e-3
-"""mm a turn; a slower table is at rest."""
-
 _ROUNDING = 1e-4
 """Turns; angles are stored in single precision."""
 
@@ -48,15 +45,10 @@ class Coverage:
         views = self.geometry.views
         return float(np.ptp(self._angles)) / (2 * math.pi) * views / max(1, views - 1)
 
-    @cached_property
+    @property
     def feed(self) -> float:
-        """How far the focal spot rises in a turn, mm, by a line fitted to all views; negative where it falls."""
-        heights, angles = self.geometry.trajectory.heights, self._angles
-        if not (np.ptp(heights) > 0 and np.ptp(angles) > 0):
-            return 0.0
-        feed = float(np.polyfit(angles - angles.mean(), heights, 1)[0]) * 2 * math.pi
-        feed = feed if angles[-1] >= angles[0] else -feed
-        return feed if abs(feed) > _AT_REST else 0.0
+        """How far the focal spot rises in a turn, mm; negative where it falls."""
+        return self.geometry.trajectory.feed
 
     @property
     def collimation(self) -> float:

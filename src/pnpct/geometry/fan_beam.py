@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pnpct.geometry.cone_beam import DEFAULT_SIZE, ConeBeam, Points
 from pnpct.geometry.detector import Detector
 from pnpct.geometry.image_grid import ImageGrid
-from pnpct.geometry.trajectory import Trajectory, Views, short_repr
+from pnpct.geometry.trajectory import Trajectory, Views
 
 LIMITED = math.radians(12.0)
 """Views leave directions unmeasured if neighbouring ones, opposite views taken for the same, are farther apart."""
@@ -106,7 +106,8 @@ class FanBeam:
     def __getitem__(self, views: Views) -> "FanBeam":
         return FanBeam.from_cone_beam(self.cone_beam[views])
 
-    __repr__ = short_repr
+    def __repr__(self) -> str:
+        return repr(self.cone_beam).replace("ConeBeam", "FanBeam", 1)
 
     def __str__(self) -> str:
         return str(self.cone_beam)

@@ -71,7 +71,7 @@ class TiltedPlanes:
         >>> planes = TiltedPlanes(helix)
         >>> views = planes.views(planes.stack_at(30.0))
         >>> len(views), planes.fan(views).shape
-        (66, (66, 90))
+        (65, (65, 90))
     """
 
     geometry: ConeBeam

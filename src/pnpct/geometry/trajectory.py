@@ -1,9 +1,9 @@
 """Where the focal spot is in each view."""
 
 import math
-import reprlib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Views: TypeAlias = slice | Sequence[int] | NDArray[Any]
 """A subset of views: a slice, their numbers, or a mask with one boolean per view."""
+
+_AT_REST = 1e-3
+"""mm a turn; a slower table is at rest."""
 
 MOST_VIEWS = 1_000_000
 """More views than any scan has: a helix of a whole patient has a hundred thousand."""
@@ -56,12 +59,6 @@ def view_numbers(chosen: Views, views: int) -> NDArray[np.int64]:
     return numbers
 
 
-def short_repr(value: Any) -> str:
-    """Return the repr of a dataclass in which long sequences end in dots: a scan has thousands of views."""
-    shown = (f"{field.name}={reprlib.repr(getattr(value, field.name))}" for field in fields(value))
-    return f"{type(value).__name__}({', '.join(shown)})"
-
-
 @dataclass(frozen=True)
 class Trajectory:
     """The path of the focal spot around and along the patient: a circle, a helix, or any set of views.
@@ -81,7 +78,7 @@ class Trajectory:
     Example:
         >>> helix = Trajectory(angles=(0.0, 0.1, 0.2, 0.3), z=(0.0, 0.5, 1.0, 1.5))
         >>> helix[::2]
-        Trajectory(angles=(0.0, 0.2), z=(0.0, 1.0), focal_spot_shifts=())
+        <Trajectory: 2 views from 0° to 11.46°, z = 0 to 1 mm, 31.42 mm a turn>
     """
 
     angles: Sequence[float] | NDArray[np.float64]
@@ -107,7 +104,21 @@ class Trajectory:
         if not all(math.isfinite(length) for shift in shifts for length in shift):
             raise ValueError("Focal-spot shifts must be finite lengths in mm.")
 
-    __repr__ = short_repr
+    def __repr__(self) -> str:
+        return f"<Trajectory: {self}>"
+
+    def __str__(self) -> str:
+        angles, heights = np.degrees(self.angles) + 0.0, self.heights  # no angle is −0
+        steps = np.diff(angles)
+        in_order = (steps >= 0).all() or (steps <= 0).all()
+        first, last = angles[[0, -1]] if in_order else (angles.min(), angles.max())
+        words = f"{self.views} views from {first:.4g}° to {last:.4g}°{'' if in_order else ' in any order'}"
+        words += ", a moving focal spot" if self.focal_spot_shifts else ""
+        if np.ptp(heights) > 0:
+            words += f", z = {heights.min():.4g} to {heights.max():.4g} mm"
+        elif heights[0]:
+            words += f", z = {heights[0]:.4g} mm"
+        return words + (f", {self.feed:.4g} mm a turn" if self.feed else "")
 
     def __getitem__(self, views: Views) -> "Trajectory":
         numbers = view_numbers(views, self.views).tolist()
@@ -126,6 +137,16 @@ class Trajectory:
     def heights(self) -> NDArray[np.float64]:
         """Height of each view, mm: `z`, or zeros."""
         return np.asarray(self.z, dtype=np.float64) if len(self.z) else np.zeros(self.views)
+
+    @cached_property
+    def feed(self) -> float:
+        """How far the focal spot rises in a turn, mm, by a line fitted to all views; negative where it falls."""
+        heights, angles = self.heights, np.asarray(self.angles)
+        if not (np.ptp(heights) > 0 and np.ptp(angles) > 0):
+            return 0.0
+        feed = float(np.polyfit(angles - angles.mean(), heights, 1)[0]) * 2 * math.pi
+        feed = feed if angles[-1] >= angles[0] else -feed
+        return feed if abs(feed) > _AT_REST else 0.0
 
     @property
     def away(self) -> NDArray[np.float64]:

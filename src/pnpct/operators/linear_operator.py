@@ -21,6 +21,9 @@ class LinearOperator(ABC):
     domain_shape: Shape
     range_shape: Shape
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} from {self.domain_shape} to {self.range_shape}>"
+
     @property
     def domain_dims(self) -> Shape:
         """The dimensions of an array of the domain, counted from the last: (-2, -1) for images."""
@@ -67,6 +70,10 @@ class _Adjoint(LinearOperator):
     def __init__(self, of: LinearOperator) -> None:
         self.of = of
         self.domain_shape, self.range_shape = of.range_shape, of.domain_shape
+
+    @override
+    def __repr__(self) -> str:
+        return f"{self.of!r}.T"
 
     @override
     def forward(self, x: Float[Tensor, "..."]) -> Float[Tensor, "..."]:

@@ -49,8 +49,8 @@ class Projector(LinearOperator):
         >>> geometry = FanBeam(evenly_spaced_views(4), bins=3, source_to_isocenter=500.0, source_to_detector=1000.0,
         ...                    bin_width=20.0)
         >>> projector = Projector(ImageGrid(64, 64, spacing=1.0), geometry, mu_water=0.02)
-        >>> projector(torch.ones(64, 64))[0, 1].item()  # 64 mm of water
-        1.28...
+        >>> round(projector(torch.ones(64, 64))[0, 1].item(), 3)  # 64 mm of water
+        1.28
     """
 
     def __init__(

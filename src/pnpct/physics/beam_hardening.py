@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.arrays import Rays
+from pnpct.geometry.short_repr import short_repr
 from pnpct.physics.bone_hardening import BoneHardening
 
 LARGEST_LINE_INTEGRAL = 10.0
@@ -41,6 +42,8 @@ class BeamHardening:
 
     coefficients: Float[Tensor, "bins powers"]
     bone: BoneHardening | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.coefficients.ndim != 2 or 0 in self.coefficients.shape:

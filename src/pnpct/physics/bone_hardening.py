@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.arrays import Image, Rays
+from pnpct.geometry.short_repr import short_repr
 
 TERMS = 6
 """Coefficients of the polynomial of second order in two variables."""
@@ -42,6 +43,8 @@ class BoneHardening:
 
     coefficients: Float[Tensor, "bins terms"]
     compact: float
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.coefficients.ndim != 2 or self.coefficients.shape[0] < 1 or self.coefficients.shape[1] != TERMS:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
 from pnpct.geometry import FanBeam, Geometry, Views, view_numbers
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators.threads import parallel
 from pnpct.physics.beam_hardening import BeamHardening
 from pnpct.physics.noise_kernels import draw_counts
@@ -27,10 +28,9 @@ class Scan:
     A batch are noise realisations, or objects that have nothing to do with each other. `scan[...]` is the scan of a
     subset of the views.
 
-    Counts are in quanta: the unit in which the variance of a ray without object and electronic noise is its
-    mean. A detector that counts photons has them; for one that integrates energy a quantum is ⟨E²⟩/⟨E⟩ of the
-    detected spectrum, see `Moments`. The dark signal is subtracted already, so that electronic noise may take
-    a count below 0.
+    Counts are in quanta: the unit in which the variance of a ray without object and electronic noise is its mean. A
+    detector that counts photons has them; for one that integrates energy a quantum is ⟨E²⟩/⟨E⟩ of the detected
+    spectrum, see `Moments`. The dark signal is subtracted already, so that electronic noise may take a count below 0.
 
     Args:
         counts: What each ray counted, quanta.
@@ -61,6 +61,8 @@ class Scan:
     geometry: Geometry
     mu_water: float
     beam_hardening: BeamHardening | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if not (self.counts.is_floating_point() and self.incident.is_floating_point()):
@@ -110,21 +112,19 @@ class Scan:
 class Moments:
     """The mean and variance of a noise-free scan at a reference dose, from which noise is drawn at any dose.
 
-    With λ(E) the photons of energy E that a ray detects, an energy-integrating detector has the signal
-    moments S₁ = Σ_E λ E and S₂ = Σ_E λ E². Both are proportional to the dose, so one polychromatic simulation
-    serves all.
+    With λ(E) the photons of energy E that a ray detects, an energy-integrating detector has the signal moments
+    S₁ = Σ_E λ E and S₂ = Σ_E λ E². Both are proportional to the dose, so one polychromatic simulation serves all.
 
     Args:
         signal_mean: S₁ of each ray, ≥ 0, in units of the signal (keV, say).
         signal_variance: S₂ of each ray, ≥ 0, in the signal's unit squared.
         air_mean: S₁ without object, > 0; it broadcasts to (views, bins).
         air_variance: S₂ without object, > 0; it broadcasts to (views, bins).
-        electronic_noise: Standard deviation of the electronic noise in units of the signal, ≥ 0, at every
-            dose. A noise in electrons is divided by the detector's gain first.
+        electronic_noise: Standard deviation of the electronic noise in units of the signal, ≥ 0, at every dose.
+            A noise in electrons is divided by the detector's gain first.
 
     Raises:
-        ValueError: If a moment is not finite, negative (for air: not positive), or a variance stands without
-            a mean.
+        ValueError: If a moment is not finite, negative (for air: not positive), or a variance has no mean.
 
     References:
         Whiting et al., Med. Phys. 33 (2006) 3290: compound Poisson statistics of CT signals.
@@ -135,6 +135,8 @@ class Moments:
     air_mean: Float[Tensor, "..."]
     air_variance: Float[Tensor, "..."]
     electronic_noise: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         shape = self.signal_mean.shape
@@ -207,14 +209,12 @@ def scan_from_moments(
 ) -> Scan:
     """Draw a scan of an energy-integrating detector at some fraction of the reference dose.
 
-    The signal is a compound Poisson variable, drawn as the scaled Poisson variable of the same mean and
-    variance,
+    The signal is a compound Poisson variable, drawn as the scaled Poisson variable of the same mean and variance,
 
         signal = S₂/S₁ · Poisson(dose_fraction · S₁²/S₂) + Normal(0, electronic_noise²),
 
-    and stated in quanta of air: counts = signal / q with q = S₂/S₁ of air, incident = dose_fraction · S₁/q of
-    air. A hardened beam then has a variance a little above its mean (up to a fifth behind a chest at 120
-    kVp).
+    and stated in quanta of air: counts = signal / q with q = S₂/S₁ of air, incident = dose_fraction · S₁/q of air. A
+    hardened beam then has a variance a little above its mean (up to a fifth behind a chest at 120 kVp).
 
     Args:
         moments: Mean and variance of the signal at the reference dose.

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
 from pnpct.geometry import ConeBeam, Geometry
+from pnpct.geometry.short_repr import short_repr
 from pnpct.physics.bone_hardening import BoneHardening
 from pnpct.physics.scan import Scan
 from pnpct.physics.unmeasured import fill_along_detector
@@ -34,6 +35,8 @@ class Sinogram:
     line_integrals: Rays | ConeRays
     weights: Weights
     bone: BoneHardening | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         broken = int((~self.line_integrals.isfinite()).sum())

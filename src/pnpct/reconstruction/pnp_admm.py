@@ -27,6 +27,7 @@ from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fourier import fourier
@@ -52,6 +53,8 @@ class ADMMState:
     x: Image
     v: Image
     u: Image
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if not self.x.shape == self.v.shape == self.u.shape:

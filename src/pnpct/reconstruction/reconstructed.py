@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pnpct.arrays import Image
+from pnpct.geometry.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,3 +25,5 @@ class Reconstruction:
     iterations: int = 0
     stopped_by: str = ""
     notes: tuple[str, ...] = ()
+
+    __repr__ = short_repr

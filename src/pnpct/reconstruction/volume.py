@@ -12,6 +12,7 @@ import torch
 from pnpct.arrays import Image, Volume
 from pnpct.geometry import ConeBeam, ImageGrid, Plane, Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.geometry.plane_stack import Array, spanning
+from pnpct.geometry.short_repr import short_repr
 from pnpct.reconstruction.methods import Method
 from pnpct.reconstruction.plane_images import PlaneImages, RaysOfViews, images_of_stacks
 
@@ -33,6 +34,8 @@ class Slab:
 
     first: int
     image: Volume
+
+    __repr__ = short_repr
 
 
 def reconstruct_volume(

@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from pnpct.arrays import Image
 from pnpct.comparison import Comparison, Detail
 from pnpct.files import Provenance, atomic_path, check_window
+from pnpct.geometry.short_repr import short_repr
 from pnpct.report.images import columns, labels, read_shown
 from pnpct.report.words import spell_exactly
 from pnpct.units import to_hu
@@ -49,6 +50,8 @@ class PanelRow:
     images: Mapping[str, Image]
     details: Sequence[Detail] = ()
 
+    __repr__ = short_repr
+
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of its images."""
@@ -68,7 +71,7 @@ class PanelRow:
         return self.shape[0] / self.shape[1], self.enlargement * largest / self.shape[1]
 
 
-class Panels(Figure):
+class Picture(Figure):
     """A figure that a notebook shows, whether or not it draws inline."""
 
     def _repr_png_(self) -> bytes:
@@ -77,7 +80,7 @@ class Panels(Figure):
         return content.getvalue()
 
 
-def draw_panels(rows: Sequence[PanelRow], *, window: tuple[float, float] = WINDOW) -> Panels:
+def draw_panels(rows: Sequence[PanelRow], *, window: tuple[float, float] = WINDOW) -> Picture:
     """Draw images in rows and columns with their names, boxes around details, these enlarged below, and a scale.
 
     Args:
@@ -93,11 +96,11 @@ def draw_panels(rows: Sequence[PanelRow], *, window: tuple[float, float] = WINDO
     names = [*dict.fromkeys(name for row in rows for name in row.images)]
     heights = [max(height, 1e-3) for row in rows for height in row.heights]
     with mpl.rc_context(_LOOK):
-        figure = Panels(figsize=(SIDE * len(names) + 0.6, SIDE * sum(heights) + 1.6), dpi=100, facecolor="white")
+        figure = Picture(figsize=(SIDE * len(names) + 0.6, SIDE * sum(heights) + 1.6), dpi=100, facecolor="white")
         space = {"left": 0.6 / figure.get_figwidth(), "right": 1.0, "wspace": 0.02, "hspace": 0.02}
         space |= {"bottom": 1.0 / figure.get_figheight(), "top": 1 - 0.6 / figure.get_figheight()}
         grid = figure.add_gridspec(len(heights), len(names), height_ratios=heights, **space)
-        size = min(LARGEST, 0.9 * 72 * SIDE / (0.55 * max(map(len, names))))
+        size = min(LARGEST, 0.9 * 72 * SIDE / (0.55 * max(1, *map(len, names))))
         for number, row in enumerate(rows):
             for column, name in enumerate(names):
                 panel, below = (figure.add_subplot(grid[2 * number + k, column]) for k in (0, 1))

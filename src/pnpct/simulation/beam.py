@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.geometry import FanBeam
+from pnpct.geometry.short_repr import short_repr
 from pnpct.physics import BeamHardening, fit_water_correction, with_bone
 from pnpct.simulation.materials import attenuation
 from pnpct.simulation.phantom import relative_attenuation
@@ -49,6 +50,8 @@ class Beam:
     photons: Float[Tensor, "bins energies"]
     response: Float[Tensor, "energies"]
     electronic_noise: float
+
+    __repr__ = short_repr
 
     @property
     def effective_energy(self) -> float:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.geometry import ImageGrid
+from pnpct.geometry.short_repr import short_repr
 from pnpct.simulation.materials import MATERIALS, attenuation
 from pnpct.simulation.resampling import area_average
 
@@ -37,6 +38,8 @@ class Phantom:
     materials: tuple[str, ...]
     fractions: Float[Tensor, "materials rows cols"]
     grid: ImageGrid
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for material in self.materials:

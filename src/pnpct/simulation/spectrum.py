@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from pnpct.geometry.short_repr import short_repr
 from pnpct.simulation.materials import attenuation
 
 Array: TypeAlias = NDArray[np.float64]
@@ -25,6 +26,8 @@ class Spectrum:
 
     energies: Array
     photons: Array
+
+    __repr__ = short_repr
 
     def behind(self, material: str, thickness: float) -> "Spectrum":
         """Return what a filter lets through: photons · exp(−μ(E) · thickness), scatter not counted.
@@ -68,8 +71,8 @@ def tube_spectrum(tube_voltage_kvp: float, *, bins: int | None = None) -> Spectr
         Wu et al., Phys. Med. Biol. 67 (2022) 194002: XCIST, which the tables are from.
 
     Example:
-        >>> tube_spectrum(120.0).behind("aluminium", 3.0).mean_energy
-        62...
+        >>> round(tube_spectrum(120.0).behind("aluminium", 3.0).mean_energy, 1)
+        62.0
     """
     if not 70 <= tube_voltage_kvp <= 140:
         raise ValueError(f"The tube voltage must be from 70 to 140 kVp, got {tube_voltage_kvp}.")

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.files import read_exposure, tube_voltages
+from pnpct.geometry.short_repr import short_repr
 from pnpct.physics import Scan
 from pnpct.training.images import MakeImages
 
@@ -35,6 +36,8 @@ class Example:
     low: Float[Tensor, "scans=2 rows cols"]
     others: Float[Tensor, "others rows cols"]
     references: Float[Tensor, "1+others rows cols"]
+
+    __repr__ = short_repr
 
     @property
     def noise_level(self) -> float:

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pnpct.arrays import Image
+from pnpct.geometry.short_repr import short_repr
 from pnpct.training.augmentation import change_alike
 from pnpct.training.examples import Example
 
@@ -34,6 +35,8 @@ class Pair:
     target: Image
     weight: float = 1.0
     noise_level: float | None = None
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)

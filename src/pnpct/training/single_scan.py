@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from pnpct.geometry.short_repr import short_repr
 from pnpct.training.augmentation import change_alike
 from pnpct.training.pairs import Pair
 
@@ -46,6 +47,8 @@ class SplitViewPairs:
     seed: int
     augment: bool = True
     side: int | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.parts.ndim < 3 or len(self.parts) < 2:

@@ -8,7 +8,7 @@ D is the network, v are images. In each stage the learning rate of AdamW rises a
 
 import copy
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import torch
@@ -41,9 +41,9 @@ class Epoch:
     stage: Stage
     number: int
     loss: float
-    weights: Mapping[str, torch.Tensor]
-    latest: Mapping[str, torch.Tensor]
-    optimizer: Mapping[str, Any]
+    weights: Mapping[str, torch.Tensor] = field(repr=False)
+    latest: Mapping[str, torch.Tensor] = field(repr=False)
+    optimizer: Mapping[str, Any] = field(repr=False)
 
 
 def two_stage(

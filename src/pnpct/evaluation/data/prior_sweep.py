@@ -9,6 +9,7 @@ from torch import Tensor
 
 from pnpct.evaluation.data.disc_information import disc_template, sum_around
 from pnpct.evaluation.data.score_test import ScoreTest
+from pnpct.geometry.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,8 @@ class PriorDriven:
     largest: float
     change_hu: float
     position: tuple[float, float]
+
+    __repr__ = short_repr
 
 
 def prior_sweep(

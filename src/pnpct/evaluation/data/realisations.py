@@ -7,6 +7,7 @@ from typing import TypeAlias
 import torch
 
 from pnpct.arrays import Image, Rays
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 
@@ -25,6 +26,8 @@ class Realisation:
 
     sinogram: Sinogram
     image: Image
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from pnpct.evaluation.data.disc_information import disc_information, disc_templa
 from pnpct.evaluation.data.realisations import Reconstruct, check_corrected, parametric_bootstrap
 from pnpct.evaluation.image.regions import Mask
 from pnpct.geometry import ImageGrid
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 
@@ -55,6 +56,8 @@ class ScoreTest:
     verifiable_hu: Float[Tensor, "rows cols"]
     diameter: float
     grid: ImageGrid
+
+    __repr__ = short_repr
 
     @property
     def strongest(self) -> Finding:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.evaluation.image.patches import Patch, patch_values, tile_patches
+from pnpct.geometry.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,8 @@ class RadialPower:
 
     frequencies: NDArray[np.float64]
     power: NDArray[np.float64]
+
+    __repr__ = short_repr
 
     @property
     def mean_frequency(self) -> float:
@@ -47,6 +50,8 @@ class NoisePower:
 
     frequencies: NDArray[np.float64]
     power: NDArray[np.float64]
+
+    __repr__ = short_repr
 
     @property
     def step(self) -> float:

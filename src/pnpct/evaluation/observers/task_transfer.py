@@ -10,6 +10,7 @@ from torch import Tensor
 
 from pnpct.evaluation.image.hounsfield import hu_array
 from pnpct.geometry import ImageGrid
+from pnpct.geometry.short_repr import short_repr
 
 STEP = 0.1
 """Width of the radial bins of an edge, pixels."""
@@ -32,6 +33,8 @@ class TaskTransfer:
     center: tuple[float, float]
     contrast_hu: float
     contrast_to_noise: float
+
+    __repr__ = short_repr
 
     def __call__(self, frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
         """Interpolate the function; it is 0 beyond the last of its frequencies (1/mm)."""

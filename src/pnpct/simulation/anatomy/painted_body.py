@@ -8,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from pnpct.geometry import ImageGrid
+from pnpct.geometry.short_repr import short_repr
 from pnpct.simulation.anatomy.shapes import Shape
 from pnpct.simulation.anatomy.texture import Texture
 from pnpct.simulation.anatomy.tissues import CORTICAL_BONE, SPONGY_BONE, Tissue
@@ -59,6 +60,8 @@ class PaintedBody:
     highest: float
     seed: int
     bending: Mapping[float, float] = field(default_factory=lambda: {40.0: 2.5, 9.0: 0.6})
+
+    __repr__ = short_repr
 
     @property
     def extent(self) -> tuple[float, float]:
