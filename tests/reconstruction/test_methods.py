@@ -76,8 +76,8 @@ def test_the_image_is_the_last_denoised_iterate(sinogram, A, network):
 
 
 def test_at_low_dose_sigma_v_falls_to_what_was_asked_for(sinogram, A, monkeypatch):
-    """From the balance of data and prior, if that is more than three times the last one; the fixed point is that of the end,
-    since the dual variable β u stays."""
+    """From the balance of data and prior, if that is more than three times the last one; the fixed point is that of
+    the end, since the dual variable β u stays."""
     weak = Sinogram(sinogram.line_integrals, DiagonalWeights(sinogram.weights.diagonal / 100))
     begun, solver = float(balanced_sigma_v(weak, A)), []
     last = 0.3 * begun
