@@ -20,7 +20,7 @@ from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sig
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
-from pnpct.reconstruction.starting import STRENGTH, around_total_variation, smooth_state, starting_state
+from pnpct.reconstruction.starting import STRENGTH, around_total_variation, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
 
@@ -107,7 +107,7 @@ class TVPWLS:
     It converges to the minimiser of ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, σ being the standard deviation to
     which the data alone determine a pixel. What total variation should take away grows with the noise, and the weights
     with its inverse square, so one strength serves every dose and geometry. The iterates are those of ADMM around the
-    proximal map of total variation, from a smooth FBP image on.
+    proximal map of total variation, from `starting_state` on.
 
     Args:
         strength: Of total variation over the noise, pixels, ≥ 0.
@@ -122,7 +122,7 @@ class TVPWLS:
 
     strength: float = STRENGTH
     across: float = 0.0
-    iterations: int = 20
+    iterations: int = 12
     stop: RuleName = "relative"
 
     def __post_init__(self) -> None:
@@ -141,7 +141,7 @@ class TVPWLS:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, _whole(sinogram, A), smooth_state, progress)
+        return _iterated(self, _whole(sinogram, A), progress)
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ class PlugAndPlay:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, _whole(sinogram, A), starting_state, progress)
+        return _iterated(self, _whole(sinogram, A), progress)
 
 
 METHODS: dict[str, type[FBP | TVPWLS | PlugAndPlay]] = {"fbp": FBP, "pnp": PlugAndPlay, "tv": TVPWLS}
@@ -247,12 +247,11 @@ def _whole(sinogram: Sinogram, A: Projector) -> Whole:
 def _iterated(
     method: TVPWLS | PlugAndPlay,
     whole: Whole,
-    start_of: Callable[[Sinogram, Projector], ADMMState],
     progress: Progress,
 ) -> Reconstruction:
     """Iterate until the rule of the method ends it."""
     sinogram, A = whole.sinogram, whole.A
-    start = start_of(sinogram, A)
+    start = starting_state(sinogram, A)
     states = until(method.states(sinogram, A, start), start, A, iterations=method.iterations, stop=method.stop)
     done, last = 0, start
     for number, state in enumerate(progress(states, method.iterations), start=1):
