@@ -19,7 +19,7 @@ from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sig
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
-from pnpct.reconstruction.starting import STRENGTH, around_total_variation, smooth_state, starting_state
+from pnpct.reconstruction.starting import STRENGTH, around_total_variation, possible, smooth_state, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
 
@@ -147,7 +147,7 @@ class PlugAndPlay:
     At low dose σ_v is larger in the first iterations: it begins where the data and the prior are in balance and falls
     by `FALL` in each. So the edges come from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM
     is damped: what u collects is mostly noise, and networks, the proximal maps of no function, would take it for
-    anatomy.
+    anatomy. On a limited angle the image has no negative attenuation (`possible`).
 
     Args:
         denoise: D, with its strength inside.
@@ -196,7 +196,7 @@ class PlugAndPlay:
     def states(self, sinogram: Sinogram, A: Projector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
-        admm = partial(pnp_admm, sinogram, A, self.denoise, damping=self.damping, solver=solver)
+        admm = partial(pnp_admm, sinogram, A, possible(self.denoise, A), damping=self.damping, solver=solver)
         state, sigma_v = start, balanced_sigma_v(sinogram, A).clamp(min=self.sigma_v)
         while bool((sigma_v > self.sigma_v).any()):
             state = next(admm(state, sigma_v=sigma_v))

@@ -7,7 +7,7 @@ import torch
 from torch.nn import functional
 
 from pnpct.arrays import Image
-from pnpct.denoisers import TotalVariation
+from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.denoisers.learned import DENSEST
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
@@ -20,6 +20,9 @@ STRENGTH = 1.5
 
 FIRST_ITERATIONS = 5
 """Iterations around total variation before a network sees an image."""
+
+FROM_NOTHING = 20
+"""As many on a limited angle, where they begin from nothing."""
 
 SHARE = 0.6
 """Of the image around total variation in soft tissue, where plug-and-play begins."""
@@ -56,9 +59,9 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
         sinogram: Line integrals and weights.
         A: The projector.
     """
-    smooth = smooth_state(sinogram, A)
-    piecewise = _after(FIRST_ITERATIONS, around_total_variation(sinogram, A, smooth, strength=STRENGTH))
-    unseen = A.geometry.limited_angle
+    smooth, unseen = smooth_state(sinogram, A), A.geometry.limited_angle
+    states = around_total_variation(sinogram, A, smooth, strength=STRENGTH)
+    piecewise = _after(FROM_NOTHING if unseen else FIRST_ITERATIONS, states)
     share = torch.ones_like(piecewise) if unseen else SHARE * (1 - _near_bone(piecewise))
     start = torch.lerp(smooth.v, piecewise, share)
     metal = (smooth.v > DENSEST).any(dim=A.domain_dims, keepdim=True)
@@ -92,7 +95,20 @@ def around_total_variation(
     # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
     q = sigma_v.square() / noise / 1000
     denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()), across=across)
-    return pnp_admm(sinogram, A, lambda image: q * denoise(image / q), start, sigma_v=sigma_v)
+    return pnp_admm(sinogram, A, possible(lambda image: q * denoise(image / q), A), start, sigma_v=sigma_v)
+
+
+def possible(denoise: Denoise, A: Projector) -> Denoise:
+    """Return a denoiser without negative attenuation where the angle is limited; elsewhere the same denoiser.
+
+    The data exclude negative values by themselves, unless directions are missing: then an image that fits has them
+    beside too large ones, along the rays. After the proximal map of total variation, this is that of total variation
+    over images that are nowhere negative.
+
+    References:
+        Chambolle, EMMCVPR (2005) 136: the level sets of the proximal map of total variation are minimisers each.
+    """
+    return (lambda image: denoise(image).clamp(min=0)) if A.geometry.limited_angle else denoise
 
 
 def _near_bone(image: Image) -> Image:
