@@ -112,6 +112,15 @@ def test_what_was_measured_from_the_opposite_side_leaves_no_gap(degrees, better)
     assert error_hu(our_fbp(geometry, rays)) < better
 
 
+def test_a_gap_changes_the_shares_around_it_and_not_those_of_other_gaps():
+    """The third gap is seen from the opposite side; the first two, opposite each other, are not."""
+    degrees = np.arange(0, 360, 0.5)
+    for begin, length in ((30, 20), (205, 20), (260, 10)):
+        degrees = degrees[(degrees - begin) % 360 > length]
+    geometry, rays = scan(degrees)
+    assert error_hu(our_fbp(geometry, rays)) < 1.2 * error_hu(plain_fbp(geometry, rays))
+
+
 @pytest.mark.parametrize("measured", [range(240), range(140), range(190), [*range(20, 60), *range(75, 240)]])
 @pytest.mark.parametrize("offset", [0, 25])
 def test_the_shares_of_a_line_add_up_to_one(measured, offset):

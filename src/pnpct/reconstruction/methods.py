@@ -20,7 +20,7 @@ from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sig
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
-from pnpct.reconstruction.starting import STRENGTH, around_total_variation, starting_state
+from pnpct.reconstruction.starting import STRENGTH, around_total_variation, possible, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
 
@@ -151,7 +151,7 @@ class PlugAndPlay:
     σ_v is larger in the first iterations: it begins at `FIRST` times the last one, or at low dose where the data and
     the prior are in balance, and falls by `FALL` in each. So the edges come from the data, quickly; what σ_v ends with
     decides how noisy the image is. ADMM is damped: what u collects is mostly noise, and networks, the proximal maps of
-    no function, would take it for anatomy.
+    no function, would take it for anatomy. On a limited angle the image has no negative attenuation (`possible`).
 
     Args:
         denoise: D, with its strength inside.
@@ -202,7 +202,13 @@ class PlugAndPlay:
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
         first = balanced_sigma_v(sinogram, A).clamp(min=FIRST * self.sigma_v)
         return pnp_admm(
-            sinogram, A, self.denoise, start, sigma_v=falling(first, self.sigma_v), damping=self.damping, solver=solver
+            sinogram,
+            A,
+            possible(self.denoise, A),
+            start,
+            sigma_v=falling(first, self.sigma_v),
+            damping=self.damping,
+            solver=solver,
         )
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:

@@ -13,7 +13,7 @@ which the ray γ of a view weighs the integral of its share over the angles that
 With the share 1/2 these are the two halves of two gaps, whatever the order, spacing and number of the views. The
 nearest view errs with the width of the gap; where the same lines were measured more finely from the opposite side,
 the share passes to that side instead. It must do so smoothly, since the filter answers to every step: q is how deep
-a ray lies inside what was measured, its distance from gaps times its distance from the end of the detector, and
+a ray lies inside what was measured, how far from the nearest gap times how far from the end of the detector, and
 
     share = sin²(π/2 · q / (q + q′)),     q′ of the other ray.
 
@@ -45,8 +45,11 @@ all of them from the second number on. Jittered, interleaved, dropped and random
 PIECE = math.radians(0.25)
 """The share is integrated over such pieces of a gap."""
 
+NEAR = math.radians(45.0)
+"""A gap changes the shares of rays within this distance, if it is not longer itself: other gaps may be farther away."""
+
 _NOWHERE = 1e-9
-"""Depth in the middle of a gap, rad: lines that no ray measured are shared evenly by the nearest views."""
+"""Of the middle of a gap: lines that no ray measured are shared evenly by the nearest views."""
 
 
 def ray_weights(geometry: FanBeam) -> Array:
@@ -113,20 +116,22 @@ class _Circle:
         emptiness = np.clip((finer - FINER) / (MUCH_FINER - FINER), 0.0, 1.0)
         return cls(angles, gaps, emptiness, number, np.bincount(number))
 
-    def depth(self, beta: Array) -> Array:
-        """Return how deep an angle lies inside the measured views, rad: its distance from the nearest gap.
+    def surrounded(self, beta: Array) -> Array:
+        """Return how well an angle is surrounded by measured ones: 0 in a gap, 1 far from any.
 
-        A gap begins half a step beyond its view. It counts in full if it is empty; else it is moved away.
+        It rises over the length of the gap, and over no less than `NEAR`. A gap begins half a step beyond its view. It
+        counts as much as it is empty.
         """
         empty = np.flatnonzero(self.emptiness)
         half = np.minimum(np.roll(self.gaps, 1), self.gaps / 2)[empty] / 2
         after = np.minimum(np.roll(self.gaps, -1), self.gaps / 2)[empty] / 2
         begin, length = self.angles[empty] + half, self.gaps[empty] - half - after
-        away = math.pi * (1 / self.emptiness[empty] - 1)
-        table = np.mod(np.concatenate([np.linspace(0, TURN, 2048), begin, begin + length]), TURN)
+        end, reach = begin + length, np.maximum(length, NEAR)
+        table = np.mod(np.concatenate([np.linspace(0, TURN, 2048), begin, end, begin - reach, end + reach]), TURN)
         beyond = np.mod(table[:, None] - begin, TURN) - length
-        depth = np.maximum(np.minimum(beyond, TURN - length - beyond), 0.0) + away
-        answer: Array = np.interp(beta, table, depth.min(1, initial=math.pi), period=TURN)
+        distance = np.maximum(np.minimum(beyond, TURN - length - beyond), 0.0)
+        surrounded = 1 - self.emptiness[empty] * (1 - np.minimum(distance / reach, 1.0))
+        answer: Array = np.interp(beta, table, surrounded.min(1, initial=1.0), period=TURN)
         return np.maximum(answer, _NOWHERE)
 
 
@@ -146,8 +151,8 @@ def _steps_opposite(geometry: FanBeam, angles: Array, gaps: Array) -> Array:
 def _share(geometry: FanBeam, circle: _Circle, beta: Array) -> Array:
     """Return the shares of the rays at the view angles β: (angles, bins)."""
     gamma = geometry.fan_angles
-    here = circle.depth(beta)[:, None] * _depth_in_fan(geometry, gamma)
-    there = circle.depth(beta[:, None] + math.pi + 2 * gamma) * _depth_in_fan(geometry, -gamma)
+    here = circle.surrounded(beta)[:, None] * _depth_in_fan(geometry, gamma)
+    there = circle.surrounded(beta[:, None] + math.pi + 2 * gamma) * _depth_in_fan(geometry, -gamma)
     share: Array = np.sin(math.pi / 2 * here / (here + there)) ** 2
     return share
 

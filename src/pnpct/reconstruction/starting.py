@@ -7,7 +7,7 @@ import torch
 from torch.nn import functional
 
 from pnpct.arrays import Image
-from pnpct.denoisers import TotalVariation
+from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.denoisers.learned import DENSEST
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
@@ -21,6 +21,9 @@ STRENGTH = 1.5
 
 FIRST_ITERATIONS = 5
 """Iterations around total variation, at half the resolution, before a network sees an image."""
+
+FROM_NOTHING = 20
+"""As many on a limited angle, where they begin from nothing."""
 
 SHARE = 0.6
 """Of the image around total variation in soft tissue, where plug-and-play begins."""
@@ -63,7 +66,7 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
     half = at_half_resolution(sinogram, A)
     # A pixel of four has 8 times the certainty of one, and edges count half as many pixels.
     states = around_total_variation(*half, coarse, strength=STRENGTH / 2**0.5)
-    piecewise = _after(FIRST_ITERATIONS, states)
+    piecewise = _after(FROM_NOTHING if A.geometry.limited_angle else FIRST_ITERATIONS, states)
     missing = doubled(piecewise - coarse.v, A.grid.shape)
     metal = (piecewise > DENSEST).any(dim=A.domain_dims, keepdim=True)
     piecewise = doubled(piecewise, A.grid.shape)
@@ -101,7 +104,20 @@ def around_total_variation(
     # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
     q = sigma_v.square() / noise / 1000
     denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()), across=across)
-    return pnp_admm(sinogram, A, lambda image: q * denoise(image / q), start, sigma_v=sigma_v)
+    return pnp_admm(sinogram, A, possible(lambda image: q * denoise(image / q), A), start, sigma_v=sigma_v)
+
+
+def possible(denoise: Denoise, A: Projector) -> Denoise:
+    """Return a denoiser without negative attenuation where the angle is limited; elsewhere the same denoiser.
+
+    The data exclude negative values by themselves, unless directions are missing: then an image that fits has them
+    beside too large ones, along the rays. After the proximal map of total variation, this is that of total variation
+    over images that are nowhere negative.
+
+    References:
+        Chambolle, EMMCVPR (2005) 136: the level sets of the proximal map of total variation are minimisers each.
+    """
+    return (lambda image: denoise(image).clamp(min=0)) if A.geometry.limited_angle else denoise
 
 
 def _near_bone(image: Image) -> Image:
