@@ -65,7 +65,7 @@ def test_the_sidecar_says_what_was_done(run, made, tmp_path):
 
 def test_a_rule_may_stop_it_before(run, made, tmp_path):
     image = tmp_path / "image.h5"
-    assert run("reconstruct", made / "scan.h5", image, "--stop", "paper")[0] == 0
+    assert run("reconstruct", made / "scan.h5", image, "--stop", "paper", "--iterations", "30")[0] == 0
     said = settings_of(image).settings
     assert said["stopped_by"] == "paper"
     assert 1 <= said["iterations_done"] < 20

@@ -48,7 +48,8 @@ def network() -> LearnedDenoiser:
 
 
 def iterates(sinogram: Sinogram, A: Projector, denoise, number: int) -> list[torch.Tensor]:
-    sigma_v = falling(balanced_sigma_v(sinogram, A).clamp(min=3 * PlugAndPlay.sigma_v), PlugAndPlay.sigma_v)
+    balanced, last = balanced_sigma_v(sinogram, A), PlugAndPlay.sigma_v
+    sigma_v = falling(balanced.maximum((3 * balanced).clamp(max=3 * last)), last)
     states = pnp_admm(sinogram, A, denoise, starting_state(sinogram, A), sigma_v=sigma_v, damping=PlugAndPlay.damping)
     return [state.v for state in itertools.islice(states, number)]
 

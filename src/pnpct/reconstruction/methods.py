@@ -148,10 +148,11 @@ class TVPWLS:
 class PlugAndPlay:
     """Plug-and-play ADMM, from `starting_state` on.
 
-    σ_v is larger in the first iterations: it begins at `FIRST` times the last one, or at low dose where the data and
-    the prior are in balance, and falls by `FALL` in each. So the edges come from the data, quickly; what σ_v ends with
-    decides how noisy the image is. ADMM is damped: what u collects is mostly noise, and networks, the proximal maps of
-    no function, would take it for anatomy. On a limited angle the image has no negative attenuation (`possible`).
+    σ_v is larger in the first iterations: it begins at `FIRST` times the last one, but no more than as many times the
+    one that is in balance with the data, and no less than in balance; and falls by `FALL` in each. So the edges come
+    from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM is damped: what u collects is mostly
+    noise, and networks, the proximal maps of no function, would take it for anatomy. On a limited angle the image has
+    no negative attenuation (`possible`).
 
     Args:
         denoise: D, with its strength inside.
@@ -200,7 +201,8 @@ class PlugAndPlay:
     def states(self, sinogram: Sinogram, A: Projector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
-        first = balanced_sigma_v(sinogram, A).clamp(min=FIRST * self.sigma_v)
+        balanced = balanced_sigma_v(sinogram, A)
+        first = balanced.maximum((FIRST * balanced).clamp(max=FIRST * self.sigma_v))
         return pnp_admm(
             sinogram,
             A,
