@@ -118,6 +118,48 @@ def masked(counts):
     return {"mask": np.arange(BINS) != 150}
 
 
+def dead_views(counts):
+    counts[[20, 21, 22, 90]] = 0
+
+
+def lost_rays(counts):
+    counts[np.random.default_rng(5).random(counts.shape) < 0.02] = 0
+
+
+@pytest.mark.parametrize(("lose", "said"), [(dead_views, "4 views in which"), (lost_rays, "were left out as lost")])
+def test_views_and_rays_without_counts_leave_no_streaks(line_integrals, lose, said):
+    """The largest value was 3688 HU, and four dead views of 180 made everything 13 to 20 HU darker."""
+    counts = 1e5 * np.exp(-line_integrals)
+    lose(counts)
+    made = import_arrays(counts, GEOMETRY, kind="counts", incident=1e5, mu_water=MU)
+    means, (least, most) = hu_of(made.scan)
+    assert means == pytest.approx(RIGHT, abs=5)
+    assert least > -200
+    assert most < 900
+    assert any(said in note for note in made.notes)
+
+
+def test_few_counts_behind_metal_are_measurements(line_integrals):
+    """There they are 0 by chance, and so are their neighbours."""
+    counts = np.random.default_rng(6).poisson(30 * np.exp(-line_integrals))
+    counts[:, 100:104] = 0
+    counts[50, 102] = 1
+    made = import_arrays(counts, GEOMETRY, kind="counts", incident=30.0, mu_water=MU)
+    lost = ~made.scan.measured.expand(VIEWS, BINS).numpy()
+    assert lost.sum() == 3 * VIEWS  # the cells that are dead
+    assert not lost[:, 102].any()
+
+
+def test_transmissions_are_no_line_integrals(line_integrals):
+    """They gave -1100 HU."""
+    transmissions = np.exp(-line_integrals)
+    with pytest.raises(ValueError, match="as transmissions counts/incident are; set kind to counts"):
+        import_arrays(transmissions, GEOMETRY, mu_water=MU)
+    assert import_arrays(transmissions, GEOMETRY, mu_water=MU, insist=True).scan.geometry.views == VIEWS
+    small = line_integrals / line_integrals.max()
+    assert import_arrays(small, GEOMETRY, mu_water=MU).scan.geometry.views == VIEWS
+
+
 @pytest.mark.parametrize("lose", [dead_cell, silent_cell, noisy_cell, without_incident, masked])
 def test_a_dead_cell_leaves_no_ring(line_integrals, lose):
     counts = 1e5 * np.exp(-line_integrals)

@@ -16,10 +16,10 @@ from pnpct.files.measured_rays import (
     loaded,
     measured_rays,
     quanta_of,
-    said_of,
+    without_faults,
 )
 from pnpct.files.plausible import doubt_of
-from pnpct.physics import BeamHardening, Scan, dead_cells
+from pnpct.physics import BeamHardening, Scan
 from pnpct.units import MU_WATER_70_KEV
 
 _LARGEST_COUNT = 1e18
@@ -77,7 +77,8 @@ def import_arrays(
 
     Line integrals p become counts, incident · exp(−p). Arrays come from memory or from .npy, .npz
     and .mat files, a member chosen as in "scan.npz:counts". Rays that are NaN, masked, or without incident counts
-    were not measured, nor were cells that counted nothing but noise in all views: their incident counts become 0.
+    were not measured, nor were cells and views that counted nothing but noise, and rays of no count among many: their
+    incident counts become 0.
     Views in which nothing was measured are left out.
 
     Args:
@@ -116,11 +117,7 @@ def import_arrays(
     counts, quanta, notes = quanta_of(
         values, given, measured, kind, name=name, per_quantum=signal_per_quantum, insist=insist
     )
-    used = np.broadcast_to(measured, counts.shape).reshape(-1, shape[1])
-    total = np.where(used, counts.reshape(used.shape), 0.0).sum(axis=0)
-    dead = dead_cells(total, used.sum(axis=0), electronic_noise)
-    if len(dead) < shape[1]:  # else the scan says it
-        measured[:, dead] = False
+    measured, faults = without_faults(measured, counts, electronic_noise)
     if not measured.all():
         of_bins = (measured == measured[0]).all()
         counts, quanta = np.where(measured, counts, 0.0), np.where(measured[0] if of_bins else measured, quanta, 0.0)
@@ -138,7 +135,7 @@ def import_arrays(
     if not insist and (doubt := doubt_of(scan)):
         raise ValueError(f"This scan has {doubt} If it is meant, insist on it (--insist).")
     views = np.flatnonzero(measured.any(axis=1))
-    return ImportedScan(scan if len(views) == len(measured) else scan[views], (*notes, *said_of(measured, dead)))
+    return ImportedScan(scan if len(views) == len(measured) else scan[views], (*notes, *faults))
 
 
 def correction_of(coefficients: PathLike | Array | None, *, bins_reversed: bool = False) -> BeamHardening | None:

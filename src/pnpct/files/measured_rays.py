@@ -1,7 +1,6 @@
 """What arrays of other programs say of each ray: whether it was measured, its counts and its incident counts."""
 
 import os
-from collections.abc import Iterator
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -9,13 +8,16 @@ from numpy.typing import NDArray
 
 from pnpct.files.array_file import load_array
 from pnpct.files.errors import PathLike
-from pnpct.physics import MOST_QUANTA, estimate_incident
+from pnpct.physics import MOST_QUANTA, dead_cells, estimate_incident, lost_readings
 
 Array: TypeAlias = NDArray[Any]
 Kind: TypeAlias = Literal["line-integrals", "counts"]
 _LARGEST_LINE_INTEGRAL = 50.0
 _LARGEST_TRANSMISSION = 2.0
 _LEAST_TRANSMISSION = 1e-6
+_AIR = (0.9, 1.1)
+"""Transmissions of rays that pass the object."""
+
 _ENOUGH_COUNTS = 40.0
 """Where the logarithm needs no correction for noise, so that a wrong unit of the counts does not matter."""
 
@@ -95,6 +97,11 @@ def quanta_of(
     known, notes = values[..., measured], []
     unknown = given is None or float(given.max()) <= _LARGEST_TRANSMISSION
     if kind == "line-integrals":
+        if not insist and _are_transmissions(values):
+            raise ValueError(
+                f"{name} holds values up to {known.max():.3g} that are 1 at both ends of the fan and less between, "
+                "as transmissions counts/incident are; set kind to counts, or insist on line integrals (--insist)."
+            )
         transmissions = counts_of(np.where(measured, values, 0.0), np.asarray(1.0), name=name)
     elif given is None:
         raise ValueError("Counts need their incident counts, those expected without an object; give incident.")
@@ -120,15 +127,47 @@ def quanta_of(
     return used * transmissions, used, notes
 
 
-def said_of(measured: Array, dead: Array) -> Iterator[str]:
-    """Yield what readers should know of rays that were not measured."""
-    if len(dead):
-        named = ", ".join(map(str, dead[:10])) + (" and more" if len(dead) > 10 else "")
-        yield f"Bins that counted nothing but noise in all views were left out as dead: {named}."
-    if not measured.all():
-        yield f"{int((~measured).sum())} of {measured.size} rays were not measured."
-    if views := int((~measured.any(axis=1)).sum()):
-        yield f"{views} views in which nothing was measured were left out."
+def _are_transmissions(values: Array) -> bool:
+    """Whether values between 0 and 1 are as of air at both ends of the fan, and less between them."""
+    if not np.nanmin(values) >= 0 or not np.nanmax(values) <= _LARGEST_TRANSMISSION:
+        return False
+    per_bin = np.median(np.nan_to_num(values, nan=1.0).reshape(-1, values.shape[-1]), axis=0)
+    ends = per_bin[[0, -1]]
+    return bool((ends > _AIR[0]).all() and (ends < _AIR[1]).all() and per_bin.min() < _AIR[0] * ends.min())
+
+
+def without_faults(measured: Array, counts: Array, electronic_noise: float) -> tuple[Array, list[str]]:
+    """Return which of the measured rays tell something, and what readers should know of the others.
+
+    Cells and views that counted nothing but noise in all their rays do not, nor does a ray of no count among many.
+
+    Args:
+        measured: Whether each ray was measured, (views, bins).
+        counts: Counts, (views, bins) or a batch of them, any where not measured, quanta.
+        electronic_noise: Standard deviation of the electronic noise in a count, quanta.
+    """
+    told, notes = measured.copy(), []
+    known = np.where(measured, counts, 0.0).reshape(-1, *measured.shape)
+
+    def dead(along: int) -> Array:
+        return dead_cells(known.sum(axis=(0, along)), len(known) * told.sum(axis=along - 1), electronic_noise)
+
+    bins = dead(along=1)
+    if len(bins) < measured.shape[1]:  # else the scan says it
+        told[:, bins] = False
+        told[dead(along=2)] = False
+    if len(bins):
+        named = ", ".join(map(str, bins[:10])) + (" and more" if len(bins) > 10 else "")
+        notes.append(f"Bins that counted nothing but noise in all views were left out as dead: {named}.")
+    lost = told & lost_readings(known, electronic_noise).any(axis=0)
+    told &= ~lost
+    if lost.any():
+        notes.append(f"{int(lost.sum())} rays without counts, among rays of many, were left out as lost.")
+    if not told.all():
+        notes.append(f"{int((~told).sum())} of {told.size} rays were not measured.")
+    if views := int((~told.any(axis=1)).sum()):
+        notes.append(f"{views} views in which nothing was measured were left out.")
+    return told, notes
 
 
 def _for_rays(array: PathLike | Array, shape: tuple[int, int], name: str) -> NDArray[np.float64]:
