@@ -14,6 +14,8 @@ import pytest
 from readers import QUICK, READERS, make
 
 HERE = Path(__file__).parent
+PART = 50
+"""Mutations in one process: each picture of panels that matplotlib draws leaves 32 MB behind."""
 FEW, SOME, MANY = 5, 12, int(os.environ.get("PNPCT_MUTATIONS", "1000"))
 
 
@@ -61,4 +63,6 @@ def test_a_damaged_file_of_any_kind_is_one_sentence(made):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 def test_many_damaged_files_are_each_one_sentence(made, name):
-    check(json.loads(run(HERE / "driver.py", made, MANY, 2, name)), MANY, [name])
+    for first in range(0, MANY, PART):
+        part = min(PART, MANY - first)
+        check(json.loads(run(HERE / "driver.py", made, part, 2 + first, name)), part, [name])
