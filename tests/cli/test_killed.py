@@ -175,6 +175,22 @@ def test_signals_that_end_do_what_ctrl_c_does(number, made, tmp_path, run, monke
     assert signal.getsignal(number) is before
 
 
+@pytest.mark.parametrize("number", SIGNALS[:3])
+def test_an_error_that_a_library_makes_of_a_signal_is_still_an_interruption(number, made, tmp_path, run, monkeypatch):
+    """HDF5 does, in its lock: the file that was being read was called damaged."""
+
+    def read(*_: object, **__: object) -> None:
+        try:
+            os.kill(os.getpid(), number)
+            time.sleep(5)
+        except KeyboardInterrupt as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    monkeypatch.setattr("pnpct.files.hdf5.check_self_contained", read)
+    status, _, err = run("reconstruct", made / "scan.h5", tmp_path / "out.h5")
+    check_end(number, status, err)
+
+
 def test_a_second_writer_of_a_data_set_is_told(tmp_path, run):
     from pnpct.files import sole_writer
 
