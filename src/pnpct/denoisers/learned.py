@@ -40,6 +40,7 @@ class LearnedDenoiser:
             result changes by 0.1, 0.2 and 0.3 HU (root mean square) where the noise was 10, 50 and 200 HU.
         batch: Slices that are denoised together, at least 1. On a CPU one is fastest; more keep a GPU
             busy and need more memory.
+        finest_pixel: Smallest pixels that the network has learnt from, mm; plug-and-play may divide larger ones.
         name: Its name for readers, such as "n2n".
         sha256: Of the file with the weights, in hexadecimal.
 
@@ -58,6 +59,7 @@ class LearnedDenoiser:
     passes: float = 1.0
     bfloat16: bool = False
     batch: int = 1
+    finest_pixel: float | None = None
     name: str = ""
     sha256: str = ""
 
@@ -80,7 +82,8 @@ class LearnedDenoiser:
         """All that its images depend on, as plain values."""
         level_hu = {} if self.noise_level is None else {"noise_level_hu": _described(self.noise_level)}
         which = {"denoiser": self.name or type(self.network).__name__, "denoiser_sha256": self.sha256 or None}
-        return {**which, **level_hu, "passes": self.passes, "bfloat16": self.bfloat16}
+        options = {"passes": self.passes, "bfloat16": self.bfloat16, "finest_pixel_mm": self.finest_pixel}
+        return {**which, **level_hu, **options}
 
     def to(self, device: torch.device) -> "LearnedDenoiser":
         """Return the same denoiser with its network on another device."""

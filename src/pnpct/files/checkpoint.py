@@ -54,7 +54,8 @@ def save_network(
             water (`AdaptedNetwork` makes others do so); its parameters are stored as float32.
         architecture: Where a network of your own can be imported from, "my_package.module:name": such a network, its
             class, or a function `() -> nn.Module`. One that was imported by `imported_network` knows it.
-        about: Plain values by name, those of `ABOUT` among them.
+        about: Plain values by name, those of `ABOUT` among them, and perhaps `finest_pixel_mm`, the smallest pixels of the
+            training images: plug-and-play may divide larger ones (`LearnedDenoiser`).
 
     Raises:
         OSError: If a file cannot be written.
@@ -125,6 +126,17 @@ def load_network(path: PathLike) -> nn.Module:
     _check_tensors(path, tensors, network.state_dict())
     network.load_state_dict(tensors, assign=True)
     return network
+
+
+def finest_pixel(path: PathLike) -> float | None:
+    """Return the smallest pixels that a network has learnt from, mm, or None if its description does not say so.
+
+    Args:
+        path: The .safetensors file; `about` of `save_network` may name "finest_pixel_mm".
+    """
+    about = _read_sidecar(_sidecar(existing_file(path))).get("about")
+    size = about.get("finest_pixel_mm") if isinstance(about, dict) else None
+    return float(size) if isinstance(size, int | float) and size > 0 else None
 
 
 def _sidecar(path: Path) -> Path:

@@ -10,7 +10,7 @@ import torch
 
 from pnpct.denoisers import DENOISERS, Denoise, LearnedDenoiser, make_denoiser
 from pnpct.denoisers.noise_level import is_noise_conditioned
-from pnpct.files.checkpoint import SUFFIX, load_network, weights_sha256
+from pnpct.files.checkpoint import SUFFIX, finest_pixel, load_network, weights_sha256
 from pnpct.files.errors import PathLike
 from pnpct.files.import_path import imported, imported_network, is_import_path
 from pnpct.files.provenance import sha256_of
@@ -77,6 +77,7 @@ def load_denoiser(
         noise_level=None if noise_level_hu is None else noise_level_hu / 1000,
         passes=1.0 if passes is None else passes,
         bfloat16=bfloat16,
+        finest_pixel=None if is_import_path(name) else finest_pixel(network_file(name)),
         name=fspath(name),
         sha256=fingerprint,
     )

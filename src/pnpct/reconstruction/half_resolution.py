@@ -43,7 +43,7 @@ def at_half_resolution(sinogram: Sinogram, A: Projector) -> tuple[Sinogram, Proj
     weights = _sums(w, geometry.shape)
     mean = _sums(w * y, geometry.shape) / weights.clamp(min=torch.finfo(w.dtype).tiny)
     return Sinogram(mean, DiagonalWeights(weights, geometry.shape)), Projector(
-        _coarser(A.grid), geometry, mu_water=A.mu_water, method=A.method
+        coarser_grid(A.grid), geometry, mu_water=A.mu_water, method=A.method
     )
 
 
@@ -60,6 +60,18 @@ def doubled(image: CoarseImage, shape: tuple[int, int]) -> Image:
     slices = image.reshape(-1, 1, *image.shape[-2:])
     fine = functional.interpolate(slices, scale_factor=2, mode="bilinear", align_corners=False)
     return fine[..., : shape[0], : shape[1]].reshape(*image.shape[:-2], *shape)
+
+
+def coarser_grid(grid: ImageGrid) -> ImageGrid:
+    """Return the pixels of the `halved` image: twice the spacing; an odd border grows by one to the right or below."""
+    rows, cols, (x, y) = grid.rows + grid.rows % 2, grid.cols + grid.cols % 2, grid.center
+    center = (x + grid.cols % 2 * grid.spacing / 2, y - grid.rows % 2 * grid.spacing / 2)
+    return ImageGrid(rows // 2, cols // 2, 2 * grid.spacing, center)
+
+
+def finer_grid(grid: ImageGrid) -> ImageGrid:
+    """Return four pixels for each: their `coarser_grid` is the grid itself."""
+    return replace(grid, rows=2 * grid.rows, cols=2 * grid.cols, spacing=grid.spacing / 2)
 
 
 def _paired(geometry: FanBeam) -> tuple[FanBeam, NDArray[np.int64]]:
@@ -84,10 +96,3 @@ def _extended(rays: Tensor, views: NDArray[np.int64]) -> Tensor:
 def _sums(rays: Tensor, shape: tuple[int, int]) -> Tensor:
     answer: Tensor = rays.unflatten(-1, (shape[1], 2)).sum((-3, -1))
     return answer
-
-
-def _coarser(grid: ImageGrid) -> ImageGrid:
-    """Pixels of twice the spacing; an odd border grows by a pixel to the right or below."""
-    rows, cols, (x, y) = grid.rows + grid.rows % 2, grid.cols + grid.cols % 2, grid.center
-    center = (x + grid.cols % 2 * grid.spacing / 2, y - grid.rows % 2 * grid.spacing / 2)
-    return ImageGrid(rows // 2, cols // 2, 2 * grid.spacing, center)

@@ -16,6 +16,7 @@ from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.fbp import fbp
+from pnpct.reconstruction.finer_pixels import on_finer_pixels
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Reconstruction
@@ -152,7 +153,8 @@ class PlugAndPlay:
     one that is in balance with the data, and no less than in balance; and falls by `FALL` in each. So the edges come
     from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM is damped: what u collects is mostly
     noise, and networks, the proximal maps of no function, would take it for anatomy. On a limited angle the image has
-    no negative attenuation (`possible`).
+    no negative attenuation (`possible`). Where the pixels are large, the noise low and the network knows smaller ones,
+    the iterates have pixels of half the size (`on_finer_pixels`).
 
     Args:
         denoise: D, with its strength inside.
@@ -215,7 +217,7 @@ class PlugAndPlay:
 
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, _whole(sinogram, A), progress)
+        return _iterated(self, on_finer_pixels(_whole(sinogram, A), self.denoise), progress)
 
 
 METHODS: dict[str, type[FBP | TVPWLS | PlugAndPlay]] = {"fbp": FBP, "pnp": PlugAndPlay, "tv": TVPWLS}

@@ -16,6 +16,7 @@ from pnpct.arrays import Image, Rays
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
+from pnpct.reconstruction.half_resolution import coarser_grid, halved
 
 AIR = 0.2
 """Line integral that air and noise do not have: 10 mm of water."""
@@ -42,7 +43,7 @@ class Whole:
 
     Args:
         sinogram: Line integrals and weights; these are 0 for rays that were added.
-        A: The projector.
+        A: The projector; its pixels are as large as those asked for, or half as large.
         asked: The grid that was asked for, within that of the projector.
         notes: What was done, in sentences.
     """
@@ -53,8 +54,10 @@ class Whole:
     notes: tuple[str, ...] = ()
 
     def cut_out(self, image: Image) -> Float[Tensor, "*batch asked_rows asked_cols"]:
-        """Return the part of an image that was asked for."""
+        """Return the part of an image that was asked for, in pixels of the size that was asked for."""
         grid, asked = self.A.grid, self.asked
+        if grid.spacing < asked.spacing:
+            image, grid = halved(image), coarser_grid(grid)
         if grid == asked:
             return image
         row = round((grid.y[0] - asked.y[0]) / asked.spacing)

@@ -1,0 +1,77 @@
+"""Large pixels are divided where the data say more than they can hold, and averaged again."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from pnpct.denoisers import Gaussian
+from pnpct.evaluation import body_mask, rmse_hu
+from pnpct.files import load_denoiser
+from pnpct.geometry import ImageGrid
+from pnpct.operators import Projector
+from pnpct.physics import DiagonalWeights, Sinogram, take_log
+from pnpct.reconstruction import PlugAndPlay
+from pnpct.reconstruction.finer_pixels import on_finer_pixels
+from pnpct.reconstruction.half_resolution import coarser_grid, doubled, finer_grid, halved
+from pnpct.reconstruction.whole_object import Whole
+from pnpct.simulation import example_scan
+
+FEWER = {"size": 96, "views": 240, "bins": 200}
+
+
+KNOWING = load_denoiser("n2n")
+
+
+@pytest.fixture(scope="module")
+def chest():
+    scan, truth, grid = example_scan("chest", tube_current_ma=60.0, **FEWER)
+    return take_log(scan), Projector(grid, scan.geometry, mu_water=scan.mu_water), truth
+
+
+def test_edges_are_nearer_to_the_truth_on_the_pixels_that_were_asked_for(chest):
+    sinogram, A, truth = chest
+    divided = PlugAndPlay(KNOWING)(sinogram, A)
+    as_asked = PlugAndPlay(replace(KNOWING, finest_pixel=None))(sinogram, A)
+
+    def error(image):
+        return rmse_hu(image, truth, mask=body_mask(truth))
+
+    assert divided.image.shape == as_asked.image.shape == truth.shape
+    assert error(divided.image) < 0.8 * error(as_asked.image)
+    assert "averaged" in divided.notes[-1]
+    assert not as_asked.notes
+
+
+def test_a_grid_and_its_finer_one_have_the_same_borders(chest):
+    _, A, truth = chest
+    assert coarser_grid(finer_grid(A.grid)) == A.grid
+    fine = doubled(truth, finer_grid(A.grid).shape)
+    whole = Whole(chest[0], Projector(finer_grid(A.grid), A.geometry, mu_water=A.mu_water), A.grid)
+    assert torch.equal(whole.cut_out(fine), halved(fine))
+    part = ImageGrid(20, 24, A.grid.spacing, (2 * A.grid.spacing, 0.0))
+    assert torch.equal(replace(whole, asked=part).cut_out(fine), halved(fine)[38:58, 38:62])
+
+
+@pytest.mark.parametrize(
+    "denoise", [Gaussian(0.5), replace(KNOWING, finest_pixel=None), replace(KNOWING, finest_pixel=6.0)]
+)
+def test_pixels_stay_where_the_denoiser_does_not_know_smaller_ones(chest, denoise):
+    whole = Whole(*chest[:2], chest[1].grid)
+    assert on_finer_pixels(whole, denoise) is whole
+    assert on_finer_pixels(whole, KNOWING).A.grid == finer_grid(whole.asked)
+
+
+def test_pixels_stay_where_noise_or_streaks_would_be_taken_for_anatomy(chest):
+    sinogram, A, truth = chest
+    noisy = replace(sinogram, weights=DiagonalWeights(1e-4 * sinogram.weights.diagonal, A.geometry.shape))
+    metal = torch.zeros_like(truth)
+    metal[48:50, 48:50] = 12.0
+    for rays in (noisy, replace(sinogram, line_integrals=sinogram.line_integrals + A(metal))):
+        whole = Whole(rays, A, A.grid)
+        assert on_finer_pixels(whole, KNOWING) is whole
+    few = A.geometry[::6]
+    weights = DiagonalWeights(sinogram.weights.diagonal[::6], few.shape)
+    rays = Sinogram(sinogram.line_integrals[::6], weights)
+    whole = Whole(rays, Projector(A.grid, few, mu_water=A.mu_water), A.grid)
+    assert on_finer_pixels(whole, KNOWING) is whole
