@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import get_args, get_type_hints
 
@@ -90,7 +91,11 @@ def test_ctrl_c_while_iterating_gives_130_and_one_line_and_no_file(made, tmp_pat
     ]
     pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
     terminal, other_end = pty.openpty()
-    process = subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, stderr=other_end, text=True)
+    # A shell that runs the tests in the background has it ignored, and so would the program.
+    heeding = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    process = subprocess.Popen(
+        [*PROGRAM, *words], stdout=subprocess.PIPE, stderr=other_end, text=True, preexec_fn=heeding
+    )
     os.close(other_end)
     shown = b""
     # The bar shows on the terminal: the second iteration is done.
