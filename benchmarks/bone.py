@@ -16,7 +16,6 @@ import torch
 from pnpct.arrays import Image
 from pnpct.denoisers import Gaussian
 from pnpct.evaluation import soft_tissue_mask
-from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram, take_log
 from pnpct.reconstruction import FBP, fbp
@@ -31,10 +30,9 @@ def main(seed: int) -> None:
     for anatomy in ("head", "pelvis"):
         for patient in range(2):
             source = procedural_patient(anatomy, np.random.default_rng(seed + patient))
-            fine = ImageGrid(1024, 1024, source.grid.spacing / 2)
             low, high = source.body.extent
             for share in (0.25, 0.5, 0.75):
-                phantom = source.body.slice(low + share * (high - low), fine)
+                phantom = source.body.slice(low + share * (high - low), source.grid.halved)
                 moments = simulate_moments(phantom, geometry, [*beams.values()])
                 for (voltage, beam), each in zip(beams.items(), moments, strict=True):
                     scan = as_exposure(each, geometry, beam).scan(tube_current_ma=1e4, generator=None)

@@ -74,13 +74,12 @@ def cases(folder: Path, names: list[str], patients: int = PATIENTS) -> Iterator[
 def _make(name: str, files: list[Path], patients: int) -> None:
     source = procedural_patient(name, np.random.default_rng([patients, *name.encode()]))
     grid, geometry = source.grid, clinical_fan_beam()
-    fine = ImageGrid(2 * grid.rows, 2 * grid.cols, grid.spacing / 2)
     beam = scanner_beam(geometry, tube_voltage_kvp=120.0)
-    image = truth(source.body.slice(source.height, fine), grid, energy=beam.effective_energy)
+    image = truth(source.body.slice(source.height, grid.halved), grid, energy=beam.effective_energy)
     _, (x, y) = _uniform(image, grid)
     marked = with_lesions(source.body, [Lesion((x, y, source.height), DIAMETER_MM / 2, CONTRAST_HU)])
     for file, body in zip(files, (source.body, marked), strict=True):
-        phantom = body.slice(source.height, fine)
+        phantom = body.slice(source.height, grid.halved)
         (moments,) = simulate_moments(phantom, geometry, [beam])
         image = truth(phantom, grid, energy=beam.effective_energy)
         exposed = ExposedSlice(as_exposure(moments, geometry, beam), image, grid)

@@ -2,11 +2,14 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-import torch
 
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+
+if TYPE_CHECKING:  # the process that gives tests to others needs no torch
+    import torch
 
 
 @pytest.fixture(scope="session")
@@ -19,7 +22,9 @@ def shared_data() -> Path:
 
 
 @pytest.fixture
-def generator() -> torch.Generator:
+def generator() -> "torch.Generator":
+    import torch
+
     return torch.Generator().manual_seed(20)
 
 
@@ -41,8 +46,10 @@ def geometry() -> FanBeam:
 
 
 @pytest.fixture(scope="session")
-def disk(grid: ImageGrid) -> torch.Tensor:
+def disk(grid: ImageGrid) -> "torch.Tensor":
     """Water with a denser insert, air outside."""
+    import torch
+
     x, y = torch.from_numpy(grid.x)[None, :], torch.from_numpy(grid.y)[:, None]
     body = (x**2 + y**2 < 100.0**2).float()
     insert = ((x - 30.0) ** 2 + (y - 20.0) ** 2 < 25.0**2).float()

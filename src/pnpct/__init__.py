@@ -10,8 +10,8 @@ The package is layered; each line imports only lines below it:
     simulation       anatomy -> scan
     files            numbers <-> disk
     denoisers        image -> image              physics      scan -> log and weights
-    operators        projector, ramp filter
-    geometry         image grid, fan beam
+    operators        projectors, ramp filter, processes
+    geometry         grids, fan and cone beams, lesions
     units, arrays
 """
 

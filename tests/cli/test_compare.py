@@ -10,7 +10,7 @@ from pnpct.cli import main
 from pnpct.denoisers import RDNCBAM, RDNSize
 from pnpct.files import save_network
 
-DATASET = "--anatomy head --cases 1 --rows 1 --views 60 --bins 120 --size 72 --tube-voltages-kvp 120 --processes 1"
+DATASET = "--anatomy head --cases 1 --rows 1 --views 40 --bins 64 --size 72 --tube-voltages-kvp 120 --processes 1"
 QUICK = "--iterations 1 --tv-strength 0 --lesion-hu 0 --phantom-repeats 0 --processes 1"
 
 

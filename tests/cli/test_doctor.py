@@ -9,6 +9,8 @@ from importlib.metadata import version
 import pytest
 import torch
 
+from pnpct.simulation import clinical_fan_beam
+
 
 def described(text: str) -> dict[str, str]:
     return dict(re.split(" +", line, maxsplit=1) for line in text.replace("on cpu", "cpu").splitlines())
@@ -16,6 +18,7 @@ def described(text: str) -> dict[str, str]:
 
 def test_the_installation_is_described_a_line_for_each_thing(run, monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    monkeypatch.setattr("pnpct.cli.doctor.clinical_fan_beam", lambda: clinical_fan_beam(views=24, bins=32))
     status, out, err = run("doctor")
     assert (status, err) == (0, "")
     about = described(out)

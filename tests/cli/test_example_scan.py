@@ -23,7 +23,7 @@ def test_an_example_scan_of_no_anatomy_is_refused():
 @pytest.mark.parametrize(
     ("given", "scanned"),
     [
-        ("--views 0", "--views 0 --size 512"),
+        ("--views 0", "--views 0 --size 512 --bins 900"),
         ("--quick --views 0", "--views 0 --size 256 --bins 450"),
         ("--quick --size 0", "--views 492 --size 0 --bins 450"),
     ],

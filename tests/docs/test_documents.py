@@ -14,6 +14,7 @@ from PIL import Image as Picture
 
 from pnpct.cli import main
 from pnpct.files import read_image
+from pnpct.simulation import clinical_fan_beam
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = {str(path.relative_to(ROOT)): path for path in sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])}
@@ -109,6 +110,7 @@ def test_every_script_that_a_document_names_is_there(document):
 @pytest.mark.parametrize("document", [name for name in DOCUMENTS if command_lines(name)])
 def test_the_commands_of_a_document_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("pnpct.cli.doctor.clinical_fan_beam", lambda: clinical_fan_beam(views=24, bins=32))
     geometry = {"source_to_isocenter_mm": 541, "source_to_detector_mm": 949, "bins": 60, "bin_width_mm": 15}
     Path("geometry.json").write_text(json.dumps({**geometry, "views": 48}))
     counts = np.full((48, 60), 4000.0)

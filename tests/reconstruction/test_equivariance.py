@@ -23,7 +23,7 @@ def by_fbp(sinogram: Sinogram) -> torch.Tensor:
 
 def by_tv(sinogram: Sinogram) -> torch.Tensor:
     denoise = TotalVariation(strength=0.02)
-    return reconstruct(sinogram, SLICE.projector, denoise, iterations=12, stop="never")
+    return reconstruct(sinogram, SLICE.projector, denoise, iterations=6, stop="never")
 
 
 each = partial(pytest.mark.parametrize, "of", [by_fbp, by_tv])

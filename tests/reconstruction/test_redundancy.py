@@ -10,7 +10,7 @@ import torch
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.reconstruction import fbp
-from pnpct.reconstruction.redundancy import measured_share, ray_weights, view_steps
+from pnpct.reconstruction.redundancy import _Circle, _share, ray_weights
 
 MU_WATER = 0.0192587
 SCANNER = FanBeam((0.0,), bins=256, source_to_isocenter=570.0, source_to_detector=1040.0, bin_width=2.4)
@@ -121,6 +121,12 @@ def test_a_gap_changes_the_shares_around_it_and_not_those_of_other_gaps():
     assert error_hu(our_fbp(geometry, rays)) < 1.2 * error_hu(plain_fbp(geometry, rays))
 
 
+def measured_share(geometry: FanBeam) -> np.ndarray:
+    """The share of each ray in its line."""
+    circle = _Circle.of(geometry)
+    return _share(geometry, circle, circle.angles)[circle.number]
+
+
 @pytest.mark.parametrize("measured", [range(240), range(140), range(190), [*range(20, 60), *range(75, 240)]])
 @pytest.mark.parametrize("offset", [0, 25])
 def test_the_shares_of_a_line_add_up_to_one(measured, offset):
@@ -161,8 +167,12 @@ def test_a_full_turn_shares_evenly_and_a_short_scan_as_parker_says():
 
 
 def test_views_stand_for_half_of_their_two_gaps_and_repeated_ones_share_it():
-    geometry = replace(SCANNER, view_angles=np.radians([4.0, 0.0, 1.0, 361.0, 180.0]))
-    np.testing.assert_allclose(np.degrees(view_steps(geometry)), [89.5, 90.5, 1.0, 1.0, 178.0])
+    degrees = np.append(np.arange(0.0, 360.0, 3.0), 363.0)
+    degrees[5] += 1.0
+    expected = np.full(degrees.size, 3.0)
+    expected[[1, 4, 6, -1]] = 1.5, 3.5, 2.5, 1.5
+    weights = ray_weights(replace(SCANNER, view_angles=np.radians(degrees)))
+    np.testing.assert_allclose(2 * np.degrees(weights), np.broadcast_to(expected[:, None], weights.shape), rtol=1e-6)
 
 
 @pytest.mark.parametrize("degrees", [np.arange(0, 230, 0.5), np.arange(0, 60, 0.5), [0.0, 10.0, 130.0], [0.0]])

@@ -28,7 +28,7 @@ def fingerprints(folder: Path) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("data") / "set"
-    assert len(list(simulate_dataset(folder, SMALL, processes=2))) == 3
+    assert len(list(simulate_dataset(folder, SMALL))) == 3
     return folder
 
 
@@ -77,6 +77,12 @@ def test_a_damaged_file_is_made_again_and_others_are_not(made: Path, tmp_path: P
     assert len(list(simulate_dataset(folder, SMALL))) == 3
     assert fingerprints(folder) == fingerprints(made)
     assert untouched.stat().st_mtime_ns == then
+
+
+@pytest.mark.slow
+def test_two_processes_make_the_same_bytes_as_one(made: Path, tmp_path: Path) -> None:
+    assert len(list(simulate_dataset(tmp_path / "set", SMALL, processes=2))) == 3
+    assert fingerprints(tmp_path / "set") == fingerprints(made)
 
 
 def test_another_recipe_or_another_folder_is_left_alone(made: Path, tmp_path: Path) -> None:

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from pnpct.comparison.phantoms import INSERTS
 from pnpct.geometry import FanBeam, ImageGrid, Insert, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import take_log
 from pnpct.reconstruction import fbp
 from pnpct.simulation import expose, low_contrast_phantom, scanner_beam, truth
-from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE
+from pnpct.simulation.low_contrast import CCT189
 
 GRID = ImageGrid(420, 420, spacing=0.5)
 
@@ -23,7 +24,7 @@ def from_center(insert: Insert) -> np.ndarray:
     return np.hypot(GRID.x[None, :] - x, GRID.y[:, None] - y)
 
 
-@pytest.mark.parametrize("inserts", [CCT189, LIVER_LIKE])
+@pytest.mark.parametrize("inserts", [CCT189, INSERTS])
 @pytest.mark.parametrize("energy", [55.0, 70.0])
 def test_each_insert_adds_its_contrast_over_its_area(inserts: tuple[Insert, ...], energy: float) -> None:
     change = (hu(inserts, energy) - hu((), energy)).numpy()
@@ -37,7 +38,7 @@ def test_each_insert_adds_its_contrast_over_its_area(inserts: tuple[Insert, ...]
 
 
 def test_the_inserts_are_on_the_diagonals_at_0_4_of_the_radius() -> None:
-    for insert in (*CCT189, *LIVER_LIKE):
+    for insert in CCT189:
         assert math.hypot(*insert.center) == pytest.approx(40.0)
         assert abs(insert.center[0]) == pytest.approx(abs(insert.center[1]))
     assert {(insert.diameter, insert.contrast_hu) for insert in CCT189} == {(3, 14), (5, 7), (7, 5), (10, 3)}

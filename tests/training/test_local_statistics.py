@@ -6,7 +6,6 @@ from skimage.metrics import structural_similarity
 
 from pnpct.training.local_statistics import (
     gaussian_taps,
-    histogram_entropy,
     local_entropy,
     local_mean,
     ssim_map,
@@ -66,14 +65,11 @@ def test_mixed_precision_does_not_reach_the_statistics(pair: torch.Tensor) -> No
 
 
 @pytest.mark.parametrize("noise_hu", [5.0, 15.0, 30.0])
-@pytest.mark.parametrize("entropy", [local_entropy, histogram_entropy])
-def test_the_entropy_of_normal_noise_is_that_of_its_distribution(
-    entropy, noise_hu: float, generator: torch.Generator
-) -> None:
+def test_the_entropy_of_normal_noise_is_that_of_its_distribution(noise_hu: float, generator: torch.Generator) -> None:
     image = 1.04 + noise_hu / 1000 * torch.randn(120, 120, generator=generator)
     expected = 0.5 * math.log(2 * math.pi * math.e * noise_hu**2)
     # A window of 81 samples misses some of it.
-    assert entropy(image).mean().item() == pytest.approx(expected, abs=0.3)
+    assert local_entropy(image).mean().item() == pytest.approx(expected, abs=0.3)
 
 
 def test_the_entropy_rises_with_the_logarithm_of_the_noise(generator: torch.Generator) -> None:
@@ -82,28 +78,15 @@ def test_the_entropy_rises_with_the_logarithm_of_the_noise(generator: torch.Gene
     torch.testing.assert_close(rise, torch.full_like(rise, math.log(2)))
 
 
-def test_a_flat_image_has_the_entropy_of_the_floor_and_of_one_bin() -> None:
+def test_a_flat_image_has_the_entropy_of_the_floor() -> None:
     flat = torch.full((20, 20), 1.5, dtype=torch.float64)
     floor = 0.5 * math.log(2 * math.pi * math.e * 2.0**2)
     assert local_entropy(flat, floor_hu=2.0).mean().item() == pytest.approx(floor)
-    assert histogram_entropy(flat, bin_hu=5.0).mean().item() == pytest.approx(math.log(5.0), abs=1e-6)
 
 
-def test_a_histogram_shares_values_between_the_nearest_bins() -> None:
-    # Windows of three columns with values −4, 0, 4 HU about their mean; bins of 8 HU: half of each outer value goes
-    # to the bin of 0.
-    image = 1 + torch.tensor([-4.0, 0.0, 4.0], dtype=torch.float64).repeat(9, 4) / 1000
-    shares = torch.tensor([1 / 6, 2 / 3, 1 / 6])
-    expected = -(shares * shares.log()).sum().item() + math.log(8.0)
-    entropy = histogram_entropy(image, taps=uniform_taps(3), bin_hu=8.0, range_hu=16.0)
-    assert entropy.shape == (5, 8)
-    torch.testing.assert_close(entropy, torch.full_like(entropy, expected), rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize("entropy", [local_entropy, histogram_entropy])
-def test_entropies_of_a_batch_are_those_of_its_images(entropy, generator: torch.Generator) -> None:
+def test_entropies_of_a_batch_are_those_of_its_images(generator: torch.Generator) -> None:
     images = 1 + 0.01 * torch.randn(2, 2, 20, 21, generator=generator)
-    torch.testing.assert_close(entropy(images)[1, 0], entropy(images[1, 0]))
+    torch.testing.assert_close(local_entropy(images)[1, 0], local_entropy(images[1, 0]))
 
 
 def test_images_smaller_than_the_window_are_refused() -> None:

@@ -8,11 +8,10 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from pnpct.cli.artefact import NUMBERS, check_output, finish
-from pnpct.cli.image_input import image_of
+from pnpct.cli.image_input import image_of, truth_of
 from pnpct.cli.parsing import option
 from pnpct.cli.scores import say_scores, write_scores
 from pnpct.cli.terminal import say, working
-from pnpct.cli.truth import on_one_grid, truth_of
 from pnpct.comparison import (
     fidelity_values,
     histogram_values,
@@ -20,6 +19,7 @@ from pnpct.comparison import (
     texture_values,
     why_no_texture,
 )
+from pnpct.evaluation import on_one_grid
 from pnpct.files import record_run
 from pnpct.files.plausible import doubt_of_image
 

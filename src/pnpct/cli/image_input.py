@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pnpct.arrays import Image, Volume
 from pnpct.cli.terminal import say
-from pnpct.files import evenly_spaced, read_dicom_series, read_image, read_volume
+from pnpct.files import describe_file, evenly_spaced, read_dicom_series, read_image, read_truth, read_volume
 from pnpct.geometry import Grid
 
 
@@ -44,3 +44,22 @@ def check_series(path: Path, series_uid: str | None) -> None:
         raise ValueError(
             f"--series chooses a series in a folder of DICOM images, and {path} is no folder; leave it out."
         )
+
+
+def truth_of(path: Path, series_uid: str | None = None) -> tuple[Image | Volume, Grid]:
+    """Read the truth and its grid, from an image, a volume, a DICOM series or a scan.
+
+    Args:
+        path: The file, or the folder of a series.
+        series_uid: SeriesInstanceUID of the series to read, where the folder holds several.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it is none of these, or a scan without its truth.
+    """
+    if path.is_dir() or path.suffix.lower() != ".h5" or describe_file(path)["format"] != "pnpct-scan":
+        return image_of(path, series_uid)
+    check_series(path, series_uid)
+    if (truth := read_truth(path)) is None:
+        raise ValueError(f"{path} is a scan without its truth; give an image to compare with.")
+    return truth

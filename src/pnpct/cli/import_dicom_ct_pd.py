@@ -11,7 +11,6 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from pnpct.cli.artefact import SCANS, check_output, finish
-from pnpct.cli.coverage import in_words
 from pnpct.cli.parsing import option
 from pnpct.cli.terminal import say, track
 from pnpct.files import (
@@ -27,6 +26,7 @@ from pnpct.files import (
     series_of,
     write_scan_slabs,
 )
+from pnpct.geometry import Coverage
 from pnpct.physics import Scan, column_shift, half_turn_views
 
 _AGREEMENT = 0.4
@@ -84,7 +84,7 @@ class ImportDicomCtPd:
         description = self._description(series, source)
         write_scan_slabs(self.scan, series.geometry, scans(), provenance=provenance, description=description)
         finish(self.scan, provenance(), summary=str(series.geometry))
-        covers = in_words(series.geometry) | {"half turns": self._half_turns(series)}
+        covers = Coverage(series.geometry).words | {"half turns": self._half_turns(series)}
         say("\n".join(f"{name}: {value}" for name, value in covers.items()))
         say(description)
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tyro.conf import Positional
 
-from pnpct.cli.coverage import in_words
 from pnpct.cli.terminal import say, shortened, track
 from pnpct.files import SCAN, describe_file, read_scan, read_scan_geometry
-from pnpct.geometry import ConeBeam, Geometry
-from pnpct.physics import dead_cells
+from pnpct.geometry import ConeBeam, Coverage, Geometry
+from pnpct.physics import unmeasured_and_dead
 
 _VIEWS_AT_ONCE = 500
 """Scans may be larger than the memory."""
@@ -40,7 +38,7 @@ class Info:
         _say_section("all of it", content["attributes"].pop("/", {}))
         _say_section("made by", {**content["provenance"], "command": " ".join(content["provenance"]["command"])})
         if isinstance(geometry, ConeBeam):
-            _say_section("covers", in_words(geometry))
+            _say_section("covers", Coverage(geometry).words)
         for name, array in content["arrays"].items():
             shape = " x ".join(map(str, array["shape"])) or "one number"
             _say_section(
@@ -59,20 +57,16 @@ class Info:
 
 def _of_rays(file: Path, geometry: Geometry) -> Mapping[str, str]:
     """How many rays of a scan were not measured, and which bins seem to be dead."""
-    total, rays = np.zeros(geometry.bins), np.zeros(geometry.bins, dtype=np.int64)
-    missing, noise = 0, 0.0
     begins = range(0, geometry.views, _VIEWS_AT_ONCE)
-    for first in track(begins, total=len(begins), of="Views"):
-        scan = read_scan(file, views=slice(first, first + _VIEWS_AT_ONCE))
-        measured, noise = scan.measured.expand(scan.geometry.shape), scan.electronic_noise
-        missing += int((~measured).sum())
-        used = measured.expand(scan.counts.shape).reshape(-1, geometry.bins)
-        total += scan.counts.reshape(used.shape).where(used, 0.0).double().sum(0).numpy()
-        rays += used.sum(0).numpy()
-    dead = [str(number) for number in dead_cells(total, rays, noise)]
+    parts = (
+        read_scan(file, views=slice(first, first + _VIEWS_AT_ONCE))
+        for first in track(begins, total=len(begins), of="Views")
+    )
+    missing, dead = unmeasured_and_dead(parts)
+    bins = ", ".join(map(str, dead))
     return {
         "not measured": f"{missing} of {math.prod(geometry.shape)}" if missing else "",
-        "seem dead": f"bins {', '.join(dead)} count nothing in any view; import them with --mask" if dead else "",
+        "seem dead": f"bins {bins} count nothing in any view; import them with --mask" if bins else "",
     }
 
 

@@ -19,7 +19,7 @@ from pnpct.cli.slabs import RaysOfFile, volume_of_slabs
 from pnpct.cli.terminal import say, track, working
 from pnpct.cli.volume_options import VolumeOptions
 from pnpct.files import read_scan, read_scan_geometry, record_run
-from pnpct.geometry import ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
+from pnpct.geometry import DEFAULT_SIZE, ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
 from pnpct.operators import Projector
 from pnpct.operators.same_bytes import compute_same_bytes
 from pnpct.physics import Scan, take_log
@@ -48,7 +48,7 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
 
     scan: Positional[Path]
     image: Positional[Path]
-    size: Annotated[int | None, option(default=f"{_OF_TRUTH} 512")] = None
+    size: Annotated[int | None, option(default=f"{_OF_TRUTH} {DEFAULT_SIZE}")] = None
     field_of_view: Annotated[float | None, option(default=f"{_OF_TRUTH} the diameter that the fan covers")] = None
     center: Annotated[tuple[float, ...] | None, option(default=f"{_OF_TRUTH} 0 0, and all slices")] = None
     insist: bool = False

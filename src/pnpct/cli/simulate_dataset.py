@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -68,19 +68,7 @@ class SimulateDataset:
         recipe = Recipe(
             anatomies=tuple(name.strip() for name in self.anatomy.split(",") if name.strip()),
             bodies=tuple(map(str, self.body)),
-            cases=self.cases,
-            noise_hu=self.noise_hu,
-            scale=self.scale,
-            stations=self.stations,
-            rows=self.rows,
-            tube_voltages_kvp=self.tube_voltages_kvp,
-            simulator=self.simulator,
-            views=self.views,
-            bins=self.bins,
-            size=self.size,
-            validation=self.validation,
-            test=self.test,
-            seed=self.seed,
+            **{field.name: getattr(self, field.name) for field in fields(Recipe) if hasattr(self, field.name)},
         )
         workers = chosen_workers(self.processes, self.cluster, usual=os.cpu_count() or 1)
         scans = simulate_dataset(self.folder, recipe, **workers)

@@ -9,6 +9,8 @@ from tyro.conf import Positional
 from pnpct.cli.artefact import SCANS, check_output, finish_scan
 from pnpct.cli.seeds import generators
 from pnpct.files import read_exposure, record_run
+from pnpct.physics import TUBE_VOLTAGE_KVP
+from pnpct.simulation import TUBE_CURRENT_MA
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class SimulateDraw:
 
     exposures: Positional[Path]
     scan: Positional[Path]
-    tube_current_ma: float = 40.0
-    tube_voltage_kvp: float = 120.0
+    tube_current_ma: float = TUBE_CURRENT_MA
+    tube_voltage_kvp: float = TUBE_VOLTAGE_KVP
     seed: int = 0
 
     def run(self, command: Sequence[str]) -> None:

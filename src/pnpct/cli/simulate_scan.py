@@ -13,9 +13,15 @@ from pnpct.cli.parsing import option
 from pnpct.cli.seeds import generators
 from pnpct.cli.terminal import say, working
 from pnpct.files import record_run
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import DEFAULT_SIZE
+from pnpct.physics import TUBE_VOLTAGE_KVP
 from pnpct.simulation import (
     ANATOMIES,
+    BINS,
+    BOWTIE,
+    DETECTOR,
+    TUBE_CURRENT_MA,
+    VIEWS,
     Bowtie,
     Detector,
     Sampling,
@@ -64,15 +70,15 @@ class SimulateScan:
     series: Annotated[str | None, option(metavar="UID")] = None
     z: Annotated[float | None, option(default="a slice with much anatomy, or the middle of --body")] = None
     noise_hu: float = 0.0
-    tube_current_ma: float = 40.0
-    tube_voltage_kvp: float = 120.0
-    bowtie: Bowtie = "large"
-    detector: Detector = "energy-integrating"
+    tube_current_ma: float = TUBE_CURRENT_MA
+    tube_voltage_kvp: float = TUBE_VOLTAGE_KVP
+    bowtie: Bowtie = BOWTIE
+    detector: Detector = DETECTOR
     crosstalk: float = 0.0
     blur: bool = False
-    views: int = 984
-    bins: int = 900
-    size: int = 512
+    views: int = VIEWS
+    bins: int = BINS
+    size: int = DEFAULT_SIZE
     seed: int = 0
 
     def run(self, command: Sequence[str]) -> None:
@@ -100,8 +106,7 @@ class SimulateScan:
                 source = from_files(self.body, size=self.size, noise_hu=self.noise_hu, series_uid=self.series)
             else:
                 source = procedural_patient(self.anatomy or USUAL_ANATOMY, of_patient, size=self.size)
-            fine = ImageGrid(2 * self.size, 2 * self.size, source.grid.spacing / 2)
-            phantom = source.body.slice(source.height if self.z is None else self.z, fine)
+            phantom = source.body.slice(source.height if self.z is None else self.z, source.grid.halved)
             exposure = expose(phantom, geometry, beam, sampling=FINE if self.blur else None, crosstalk=self.crosstalk)
             scan = exposure.scan(tube_current_ma=self.tube_current_ma, generator=of_noise)
         for note in source.notes:

@@ -1,6 +1,5 @@
 """The options of `pnpct reconstruct` for scans with several detector rows, and the slices that they choose."""
 
-import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,8 +10,14 @@ from pnpct.cli.workers import Cluster, chosen_workers
 from pnpct.denoisers import AcrossSlices
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
-from pnpct.reconstruction import TVPWLS, Method, PlugAndPlay, covered_slices
-from pnpct.reconstruction.volume import plane_distance
+from pnpct.reconstruction import (
+    TVPWLS,
+    Method,
+    PlugAndPlay,
+    covered_grid,
+    plane_distance,
+    planes_of_a_row,
+)
 
 _COVERED = "as many as the scan covers"
 
@@ -82,7 +87,7 @@ class VolumeOptions:
             given = self.slice_agreement_hu
             agreement_hu = AcrossSlices.agreement_hu if given is None else given
             distance = plane_distance(planes, grid, self.thickness or 0.0, self.plane_spacing)
-            reach = max(1, round((planes.geometry.row_height_at_isocenter or distance) / distance))
+            reach = planes_of_a_row(planes, distance)
             return replace(method, denoise=AcrossSlices(method.denoise, agreement_hu, reach))
         return replace(method, across=self.across) if isinstance(method, TVPWLS) and self.across else method
 
@@ -128,21 +133,15 @@ class VolumeOptions:
             center=center,
             insist=insist,
         )
-        low, high = covered_slices(planes, plane, self.thickness or 0.0)
-        z = center[2] if center is not None and len(center) == 3 else None
-        spacing = self.slice_spacing
-        if truth is not None and (self.slices, z, spacing) == (None, None, None):
-            covered = [float(height) for height in truth.heights if low <= height <= high]
-            if covered:
-                return VolumeGrid(plane, len(covered), truth.slice_spacing, (covered[0] + covered[-1]) / 2)
-        if spacing is None:
-            spacing = truth.slice_spacing if truth else planes.geometry.row_height_at_isocenter or high - low or 1.0
-        middle = (low + high) / 2 if z is None else z
-        most = VolumeGrid(plane, 1, spacing, middle)  # which checks the spacing
-        if self.slices is not None:
-            return VolumeGrid(plane, self.slices, spacing, middle)
-        half = max(0.0, min(middle - low, high - middle))
-        return VolumeGrid(plane, 1 + math.floor(2 * half / most.slice_spacing + 1e-6), spacing, middle)
+        return covered_grid(
+            planes,
+            plane,
+            thickness=self.thickness or 0.0,
+            slices=self.slices,
+            slice_spacing=self.slice_spacing,
+            z=center[2] if center is not None and len(center) == 3 else None,
+            known=truth,
+        )
 
 
 VOLUME_OPTIONS = tuple(field.name for field in fields(VolumeOptions))

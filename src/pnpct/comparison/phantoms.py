@@ -6,7 +6,15 @@ from typing import Any
 
 from pnpct.geometry import ImageGrid, Insert
 from pnpct.physics import Exposure
-from pnpct.simulation import as_exposure, clinical_fan_beam, low_contrast_phantom, scanner_beam, simulate_moments
+from pnpct.simulation import (
+    BINS,
+    VIEWS,
+    as_exposure,
+    clinical_fan_beam,
+    low_contrast_phantom,
+    scanner_beam,
+    simulate_moments,
+)
 
 INSERTS = (
     Insert(diameter=6.0, contrast_hu=-40.0, center=(40.0, 40.0)),
@@ -49,8 +57,8 @@ class Phantoms:
     """
 
     grid: ImageGrid = ImageGrid(256, 256, spacing=0.9)  # noqa: RUF009 - a frozen value
-    views: int = 984
-    bins: int = 900
+    views: int = VIEWS
+    bins: int = BINS
     radius: float = 100.0
     inserts: tuple[Insert, ...] = INSERTS
     edge: Insert = EDGE
@@ -76,8 +84,8 @@ class Phantoms:
         """
         geometry = clinical_fan_beam(views=self.views, bins=self.bins)
         beam = scanner_beam(geometry, tube_voltage_kvp=tube_voltage_kvp)
-        fine = ImageGrid(2 * self.grid.rows, 2 * self.grid.cols, self.grid.spacing / 2)
-        phantom = low_contrast_phantom(fine, inserts=inserts, radius=self.radius, energy=beam.effective_energy)
+        energy = beam.effective_energy
+        phantom = low_contrast_phantom(self.grid.halved, inserts=inserts, radius=self.radius, energy=energy)
         (moments,) = simulate_moments(phantom, geometry, [beam])
         return as_exposure(moments, geometry, beam)
 

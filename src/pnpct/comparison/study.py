@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from pnpct.comparison.phantoms import FURTHER_MA, Phantoms
+from pnpct.geometry import DEFAULT_SIZE
+from pnpct.physics import TUBE_VOLTAGE_KVP
 
 LEAST_PAIRS = 40
 """Fewer pairs of scans give the Hotelling observer no covariance in some resample."""
@@ -31,8 +33,8 @@ class Study:
     """
 
     tube_currents_ma: tuple[float, ...] = (40.0, 70.0, 100.0)
-    tube_voltage_kvp: float = 120.0
-    size: int = 512
+    tube_voltage_kvp: float = TUBE_VOLTAGE_KVP
+    size: int = DEFAULT_SIZE
     lesion_hu: float = -40.0
     lesion_diameter: float = 12.0
     phantom_repeats: int = 8

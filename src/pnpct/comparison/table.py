@@ -82,7 +82,7 @@ class _Walk:
         return replace(there, name=(*place.name, key))
 
     def _item(self, place: _Place, index: int, value: Any) -> _Place:
-        """A record is told by its words and its tube current, anything else by its number."""
+        """A record is named by its words and its tube current, anything else by its number."""
         there = replace(place, path=(*place.path, index))
         record = value if isinstance(value, Mapping) else {}
         if place.path == ("cases",):

@@ -16,6 +16,7 @@ from pnpct.evaluation.data.realisations import (
 )
 from pnpct.evaluation.data.score_test import Finding, ScoreTest, score_test, score_threshold
 from pnpct.evaluation.image.errors import METRICS, WINDOWS, Metric, bias_hu, evaluate, psnr, rmse_hu, ssim
+from pnpct.evaluation.image.one_grid import on_one_grid
 from pnpct.evaluation.image.patches import Patch, patches_in_square, tile_patches
 from pnpct.evaluation.image.published_scores import (
     psnr_ldctbench,
@@ -120,6 +121,7 @@ __all__ = [
     "measure_phantom",
     "noise_power_of_one",
     "noise_power_of_repeats",
+    "on_one_grid",
     "oversmoothing_warnings",
     "parametric_bootstrap",
     "patches_in_square",

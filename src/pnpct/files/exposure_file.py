@@ -33,7 +33,7 @@ from pnpct.files.provenance import Provenance
 from pnpct.files.rounding import rounded
 from pnpct.geometry import ImageGrid, require_fan_beam, require_image_grid
 from pnpct.geometry.short_repr import short_repr
-from pnpct.physics import Exposure, Moments
+from pnpct.physics import TUBE_VOLTAGE_KVP, Exposure, Moments
 
 FORMAT = "pnpct-exposures"
 _KEPT_BITS = 13
@@ -96,7 +96,7 @@ def write_exposures(
                 write_image_dataset(group.create_group("truth"), each.truth, each.grid, description=meaning)
 
 
-def read_exposure(path: PathLike, *, tube_voltage_kvp: float = 120.0) -> ExposedSlice:
+def read_exposure(path: PathLike, *, tube_voltage_kvp: float = TUBE_VOLTAGE_KVP) -> ExposedSlice:
     """Read a slice at one tube voltage; its tensors are on the CPU.
 
     Raises:

@@ -1,6 +1,6 @@
 """Where the pixels, the focal spot, the detector cells and lesions are. Millimetres and radians; no torch needed."""
 
-from pnpct.geometry.cone_beam import ConeBeam
+from pnpct.geometry.cone_beam import DEFAULT_SIZE, ConeBeam
 from pnpct.geometry.coverage import Coverage
 from pnpct.geometry.detector import Detector
 from pnpct.geometry.fan_beam import FanBeam, Geometry, require_fan_beam
@@ -12,6 +12,7 @@ from pnpct.geometry.trajectory import Trajectory, Views, evenly_spaced_views, vi
 from pnpct.geometry.volume_grid import Grid, VolumeGrid, require_image_grid
 
 __all__ = [
+    "DEFAULT_SIZE",
     "ConeBeam",
     "Coverage",
     "Detector",

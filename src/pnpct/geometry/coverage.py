@@ -91,3 +91,20 @@ class Coverage:
         shifts = np.asarray(self.geometry.trajectory.focal_spot_shifts).reshape(-1, 3)
         across, _, along = np.ptp(shifts, axis=0) > _SAME_SPOT if len(shifts) else (False, False, False)
         return "FFS" + (("XY" if across else "") + ("Z" if along else "") or "NONE")
+
+    @property
+    def words(self) -> dict[str, str]:
+        """What the views cover, in words by name."""
+        detector = self.geometry.detector
+        (low, high), slices = self.heights, self.slices
+        words = {
+            "turns": f"{self.turns:.2f}, {self.geometry.views / self.turns:.0f} views a turn" if self.turns else "none",
+            "rows": f"{detector.rows} of {self.geometry.row_height_at_isocenter:.4g} mm at the isocentre",
+            "focal spot": f"{self.focal_spot_mode}, "
+            + (f"z = {low:.2f} to {high:.2f} mm" if self.feed else f"z = {low:.2f} mm"),
+            "slices": "none has all its views" if slices is None else f"z = {slices[0]:.2f} to {slices[1]:.2f} mm",
+        }
+        if self.feed:
+            return {"path": f"helix, feed {self.feed:.3f} mm a turn, pitch {self.pitch:.3f}", **words}
+        words["slices"] += " on the axis; fewer away from it, for the cone" if slices else ""
+        return {"path": "axial", **words}

@@ -1,7 +1,7 @@
 """A grid of square pixels."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ class ImageGrid:
         >>> grid = ImageGrid(2, 4, spacing=0.5)
         >>> grid.x.tolist(), grid.y.tolist()
         ([-0.75, -0.25, 0.25, 0.75], [0.25, -0.25])
+        >>> grid.halved.y.tolist()
+        [0.375, 0.125, -0.125, -0.375]
     """
 
     rows: int
@@ -51,6 +53,11 @@ class ImageGrid:
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.rows, self.cols
+
+    @property
+    def halved(self) -> "ImageGrid":
+        """The same square in pixels of half the spacing, as phantoms are scanned for images of this grid."""
+        return replace(self, rows=2 * self.rows, cols=2 * self.cols, spacing=self.spacing / 2)
 
     @property
     def x(self) -> NDArray[np.float64]:

@@ -2,16 +2,17 @@
 
 from pnpct.physics.beam_hardening import BeamHardening, fit_water_correction, with_bone
 from pnpct.physics.bone_hardening import BoneHardening
-from pnpct.physics.exposure import Exposure
+from pnpct.physics.exposure import TUBE_VOLTAGE_KVP, Exposure
 from pnpct.physics.half_turn import column_shift, half_turn_views
 from pnpct.physics.incident_estimate import MOST_QUANTA, estimate_incident
 from pnpct.physics.scan import Moments, Scan, scan_from_moments, simulate_counts
 from pnpct.physics.sinogram import Sinogram, take_log
-from pnpct.physics.unmeasured import dead_cells, lost_readings
+from pnpct.physics.unmeasured import dead_cells, lost_readings, unmeasured_and_dead
 from pnpct.physics.weights import BandedWeights, DiagonalWeights, Weights
 
 __all__ = [
     "MOST_QUANTA",
+    "TUBE_VOLTAGE_KVP",
     "BandedWeights",
     "BeamHardening",
     "BoneHardening",
@@ -30,5 +31,6 @@ __all__ = [
     "scan_from_moments",
     "simulate_counts",
     "take_log",
+    "unmeasured_and_dead",
     "with_bone",
 ]

@@ -9,6 +9,9 @@ from pnpct.geometry import FanBeam
 from pnpct.physics.beam_hardening import BeamHardening
 from pnpct.physics.scan import Moments, Scan, scan_from_moments
 
+TUBE_VOLTAGE_KVP = 120.0
+"""Peak tube voltage where nothing else is said, kVp."""
+
 
 @dataclass(frozen=True, eq=False)
 class Exposure:

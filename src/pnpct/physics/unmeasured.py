@@ -1,5 +1,7 @@
 """Rays that were not measured: dead cells, masked cells, views with a fault."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import scipy
 import torch
@@ -8,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
+from pnpct.physics.scan import Scan
 
 _AROUND = 5
 _MANY = 100.0
@@ -56,6 +59,22 @@ def dead_cells(total: NDArray[np.float64], rays: NDArray[np.integer], electronic
         [1, 3]
     """
     return np.flatnonzero((rays > 0) & (total <= 3 * electronic_noise * np.sqrt(rays)))
+
+
+def unmeasured_and_dead(parts: Iterable[Scan]) -> tuple[int, NDArray[np.intp]]:
+    """Return how many rays of a scan were not measured, and the numbers of its bins that are dead in all views.
+
+    Args:
+        parts: The scan, a few views after others.
+    """
+    missing, total, rays, noise = 0, np.zeros(1), np.zeros(1, np.int64), 0.0
+    for part in parts:
+        measured, noise = part.measured.expand(part.geometry.shape), part.electronic_noise
+        missing += int((~measured).sum())
+        used = measured.expand(part.counts.shape).reshape(-1, part.geometry.bins)
+        total = total + part.counts.reshape(used.shape).where(used, 0.0).double().sum(0).numpy()
+        rays = rays + used.sum(0).numpy()
+    return missing, dead_cells(total, rays, noise)
 
 
 def lost_readings(counts: NDArray[np.float64], electronic_noise: float) -> NDArray[np.bool_]:

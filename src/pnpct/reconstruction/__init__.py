@@ -1,6 +1,7 @@
 """From a sinogram to an image: the methods, plug-and-play ADMM and its solvers, filtered back-projection."""
 
 from pnpct.reconstruction.bone import corrected_for_bone
+from pnpct.reconstruction.covered import check_covered, covered_grid, covered_slices, plane_distance, planes_of_a_row
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.methods import (
     FBP,
@@ -20,7 +21,7 @@ from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
 from pnpct.reconstruction.tilted_slices import rebin
-from pnpct.reconstruction.volume import SLAB, Slab, check_covered, covered_slices, reconstruct_volume
+from pnpct.reconstruction.volume import SLAB, Slab, reconstruct_volume
 
 __all__ = [
     "FBP",
@@ -41,10 +42,13 @@ __all__ = [
     "change",
     "check_covered",
     "corrected_for_bone",
+    "covered_grid",
     "covered_slices",
     "fbp",
     "mean_diagonal",
     "paper_rule",
+    "plane_distance",
+    "planes_of_a_row",
     "pnp_admm",
     "rebin",
     "reconstruct",

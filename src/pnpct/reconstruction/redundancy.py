@@ -70,19 +70,6 @@ def ray_weights(geometry: FanBeam) -> Array:
     return result
 
 
-def view_steps(geometry: FanBeam) -> Array:
-    """Return the angle that each view represents, rad: half of its two gaps, divided between repeated views."""
-    circle = _Circle.of(geometry)
-    steps: Array = ((circle.gaps + np.roll(circle.gaps, 1)) / 2 / circle.repeats)[circle.number]
-    return steps
-
-
-def measured_share(geometry: FanBeam) -> Array:
-    """Return for each ray its share of the line it measures; the shares of the two rays on a line add up to 1."""
-    circle = _Circle.of(geometry)
-    return _share(geometry, circle, circle.angles)[circle.number]
-
-
 @dataclass(frozen=True, eq=False)
 class _Circle:
     """The distinct views around the circle.

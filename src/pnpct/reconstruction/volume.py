@@ -13,14 +13,12 @@ from pnpct.arrays import Image, Volume
 from pnpct.geometry import ConeBeam, ImageGrid, Plane, Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.geometry.plane_stack import Array, spanning
 from pnpct.geometry.short_repr import short_repr
+from pnpct.reconstruction.covered import check_covered, margin_of, plane_distance
 from pnpct.reconstruction.methods import Method
 from pnpct.reconstruction.plane_images import PlaneImages, RaysOfViews, images_of_stacks
 
 SLAB = 8
 """Slices of a slab."""
-
-_FINEST = 100
-"""Most planes for the height of a detector row: those of a window are in memory together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +100,7 @@ def reconstruct_volume(
     slices = [grid.heights[number] + samples for number in range(first, grid.slices)]
     if not slices:
         return
-    margin = _margin(planes, grid.plane)
+    margin = margin_of(planes, grid.plane)
     stacks = planes.stacks(
         grid.heights[0] + samples[0] - margin,
         grid.heights[-1] + samples[-1] + margin,
@@ -122,75 +120,6 @@ def reconstruct_volume(
                 first, made = first + slab, []
     if made:
         yield Slab(first, torch.stack(made, dim=-3))
-
-
-def covered_slices(planes: TiltedPlanes, plane: ImageGrid, thickness: float = 0.0) -> tuple[float, float]:
-    """Return the lowest and the highest slice that can be reconstructed over the whole of a grid, mm.
-
-    Args:
-        planes: The views.
-        plane: Pixels of a slice.
-        thickness: Of a slice, mm.
-
-    Raises:
-        ValueError: If there is none, or the thickness is out of range.
-    """
-    if not (math.isfinite(thickness) and thickness >= 0):
-        raise ValueError(f"The thickness of slices is a length in mm from 0 up, got {thickness}.")
-    low, high = planes.reach
-    less = _margin(planes, plane) + thickness / 2
-    if low + less > high - less:
-        raise ValueError(
-            f"No slice of {thickness:g} mm is covered over the whole field of view: planes go from {low:.4g} to "
-            f"{high:.4g} mm on the axis; use a smaller field of view or a longer scan."
-        )
-    return low + less, high - less
-
-
-def check_covered(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> None:
-    """Check that all slices of a volume can be reconstructed.
-
-    Raises:
-        ValueError: If one cannot.
-    """
-    low, high = covered_slices(planes, grid.plane, thickness)
-    lowest, highest = grid.heights[[0, -1]]
-    if lowest < low - 1e-3 or highest > high + 1e-3:
-        raise ValueError(
-            f"The scan covers slices from {low:.4g} to {high:.4g} mm, but the volume goes from {lowest:.4g} to "
-            f"{highest:.4g} mm; ask for fewer slices."
-        )
-
-
-def plane_distance(planes: TiltedPlanes, grid: VolumeGrid, thickness: float, largest: float | None = None) -> float:
-    """Return the distance between the planes that are reconstructed, mm; of a circle such that thin slices are planes.
-
-    Args:
-        planes: The views.
-        grid: The slices.
-        thickness: Of a slice, mm.
-        largest: The `plane_spacing` of `reconstruct_volume`.
-
-    Raises:
-        ValueError: If that is out of range.
-    """
-    row = planes.geometry.row_height_at_isocenter or grid.slice_spacing
-    if largest is not None and not (math.isfinite(largest) and largest > 0):
-        raise ValueError(f"The distance between planes must be a positive length in mm, got {largest}.")
-    if largest is not None and largest < row / _FINEST:
-        raise ValueError(
-            f"The distance between planes must be at least {row / _FINEST:.2g} mm, a hundredth of a detector row, got "
-            f"{largest:g}; planes nearer than half a row hardly differ."
-        )
-    spacing = (row if thickness >= 2 * row else row / 2) if largest is None else largest
-    if planes.feed == 0 and thickness == 0:
-        return grid.slice_spacing / math.ceil(grid.slice_spacing / max(row, spacing) - 1e-6)
-    return spacing
-
-
-def _margin(planes: TiltedPlanes, plane: ImageGrid) -> float:
-    """How far a tilted plane leaves its height on the axis, within the field of view, mm."""
-    return abs(planes.tilt) * min(plane.radius, planes.geometry.field_of_view_radius)
 
 
 def _samples(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> Array:

@@ -2,6 +2,8 @@
 
 from pnpct.simulation.anatomy import ANATOMIES, abdomen_body, chest_body, head_body, pelvis_body
 from pnpct.simulation.beam import (
+    BOWTIE,
+    DETECTOR,
     Beam,
     Bowtie,
     Detector,
@@ -11,17 +13,20 @@ from pnpct.simulation.beam import (
     scanner_beam,
 )
 from pnpct.simulation.body import Body
-from pnpct.simulation.catsim import CatSimSampling, catsim_moments, catsim_scan
+from pnpct.simulation.catsim import CatSimSampling, catsim_moments
 from pnpct.simulation.ct_body import CTBody
 from pnpct.simulation.dataset import simulate_dataset
 from pnpct.simulation.example import example_scan
 from pnpct.simulation.lesions import with_lesions
-from pnpct.simulation.low_contrast import CCT189, LIVER_LIKE, low_contrast_phantom
+from pnpct.simulation.low_contrast import CCT189, low_contrast_phantom
 from pnpct.simulation.materials import MATERIALS, Material, attenuation
 from pnpct.simulation.phantom import Phantom, relative_attenuation, truth
 from pnpct.simulation.recipe import Recipe, Simulator, plan
 from pnpct.simulation.scanner import (
+    BINS,
     SLICE_THICKNESS,
+    TUBE_CURRENT_MA,
+    VIEWS,
     Sampling,
     as_exposure,
     clinical_fan_beam,
@@ -35,10 +40,14 @@ from pnpct.simulation.voxel_body import VoxelBody
 
 __all__ = [
     "ANATOMIES",
+    "BINS",
+    "BOWTIE",
     "CCT189",
-    "LIVER_LIKE",
+    "DETECTOR",
     "MATERIALS",
     "SLICE_THICKNESS",
+    "TUBE_CURRENT_MA",
+    "VIEWS",
     "Beam",
     "Body",
     "Bowtie",
@@ -58,7 +67,6 @@ __all__ = [
     "attenuation",
     "bowtie_thickness",
     "catsim_moments",
-    "catsim_scan",
     "chest_body",
     "clinical_fan_beam",
     "effective_mu_water",

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from pnpct.geometry import FanBeam
 from pnpct.geometry.short_repr import short_repr
-from pnpct.physics import BeamHardening, fit_water_correction, with_bone
+from pnpct.physics import TUBE_VOLTAGE_KVP, BeamHardening, fit_water_correction, with_bone
 from pnpct.simulation.materials import attenuation
 from pnpct.simulation.phantom import relative_attenuation
 from pnpct.simulation.spectrum import tube_spectrum
@@ -33,6 +33,10 @@ Bowtie: TypeAlias = Literal["large", "medium", "small", "none"]
 
 Detector: TypeAlias = Literal["energy-integrating", "photon-counting"]
 """What a detector makes of a photon: its energy, or one count."""
+
+BOWTIE: Bowtie = "large"
+DETECTOR: Detector = "energy-integrating"
+"""Of scans where nothing else is said."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +75,10 @@ class Beam:
 def scanner_beam(
     geometry: FanBeam,
     *,
-    tube_voltage_kvp: float = 120.0,
+    tube_voltage_kvp: float = TUBE_VOLTAGE_KVP,
     aluminium: float = 3.0,
-    bowtie: Bowtie = "large",
-    detector: Detector = "energy-integrating",
+    bowtie: Bowtie = BOWTIE,
+    detector: Detector = DETECTOR,
     threshold: float = 25.0,
     energy_bins: int = 20,
 ) -> Beam:
@@ -118,7 +122,7 @@ def scanner_beam(
     return Beam(energies, photons, response, noise)
 
 
-def bowtie_thickness(fan_angles: NDArray[np.float64], bowtie: Bowtie = "large") -> NDArray[np.float64]:
+def bowtie_thickness(fan_angles: NDArray[np.float64], bowtie: Bowtie = BOWTIE) -> NDArray[np.float64]:
     """Return the aluminium of a bow-tie filter at each fan angle, mm, as CatSim's tables have it.
 
     Beyond the tables, at 0.477 rad, it stays what it is there.

@@ -7,14 +7,13 @@ and 0.42 % in lung. Its tube, filters, detector, cross sections and projector ar
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 
-from pnpct.files import scan_from_catsim
 from pnpct.geometry import FanBeam, ImageGrid
-from pnpct.physics import Moments, Scan
+from pnpct.physics import TUBE_VOLTAGE_KVP, Moments
 from pnpct.simulation.body import Body
 from pnpct.simulation.catsim_job import Settings, catsim_results, require_catsim
 from pnpct.simulation.phantom import Phantom
@@ -57,7 +56,7 @@ def catsim_moments(
     body: Phantom | Body,
     geometry: FanBeam,
     *,
-    tube_voltage_kvp: float = 120.0,
+    tube_voltage_kvp: float = TUBE_VOLTAGE_KVP,
     rows: int = 1,
     z: float = 0.0,
     grid: ImageGrid | None = None,
@@ -118,53 +117,6 @@ def catsim_moments(
         )
         for row in range(rows)
     )
-
-
-def catsim_scan(
-    phantom: Phantom,
-    geometry: FanBeam,
-    *,
-    tube_current_ma: float,
-    seed: int,
-    tube_voltage_kvp: float = 120.0,
-    rotation_time: float = 1.0,
-    sampling: CatSimSampling = FASTEST,
-) -> Scan:
-    """Scan a phantom once with the noise that CatSim draws itself, photon by photon in each energy bin.
-
-    For several scans of one phantom `catsim_moments` and `physics.scan_from_moments` are faster by orders of
-    magnitude and have the same mean and variance.
-
-    Args:
-        phantom: The object.
-        geometry: An arc detector, and a full rotation of evenly spaced views.
-        tube_current_ma: Tube current, mA, > 0.
-        seed: Of the photons and of the electronic noise, 0 to 100 000 000.
-        tube_voltage_kvp: Peak tube voltage, 70 to 140 kVp in steps of 10.
-        rotation_time: Time of all views together, s, > 0.
-        sampling: How finely CatSim samples focal spot and views.
-
-    Returns:
-        Counts in quanta of 70 keV, as `files.scan_from_catsim` reads them, without a beam-hardening correction.
-
-    Raises:
-        ImportError: If CatSim is not installed.
-        OSError: If CatSim fails, or there is no room for its files.
-        ValueError: If CatSim cannot take the geometry or an argument.
-    """
-    require_catsim()
-    for name, value, unit in (("tube_current_ma", tube_current_ma, "mA"), ("rotation_time", rotation_time, "s")):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive, in {unit}, got {value}.")
-    if not 0 <= seed <= 100_000_000:  # its generator takes ten times the seed as 32 bits
-        raise ValueError(f"A seed of CatSim is from 0 to 100000000, got {seed}.")
-    settings = _settings(geometry, tube_voltage_kvp, 1, sampling)
-    settings["physics"] |= {"energyCount": 20, "enableQuantumNoise": 1, "enableElectronicNoise": 1}
-    settings["protocol"] |= {"mA": tube_current_ma, "rotationTime": rotation_time}
-    _check_reach(phantom.grid, geometry)
-    with catsim_results([phantom], slice_thickness=_SLAB, settings=settings, seed=seed) as folder:
-        scan = scan_from_catsim(folder / "run", configuration=folder / "run.cfg")
-    return replace(scan, geometry=geometry)
 
 
 def _settings(geometry: FanBeam, voltage: float, rows: int, sampling: CatSimSampling) -> Settings:

@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,10 @@ from pnpct.files import (
     write_exposures,
     write_manifest,
 )
-from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.geometry import FanBeam
 from pnpct.operators.processes import side_by_side
 from pnpct.physics import Moments
+from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.beam import scanner_beam
 from pnpct.simulation.catsim import catsim_moments, cone_slices
 from pnpct.simulation.catsim_job import require_catsim
@@ -124,27 +126,30 @@ def _source(recipe: Recipe, station: Station) -> Source:
         path = Path(station.source)
         source = from_files(path, size=recipe.size, noise_hu=0.0 if is_phantom(path) else recipe.noise_hu)
     else:
-        generator = np.random.default_rng([recipe.seed, station.patient, *station.source.encode()])
-        source = procedural_patient(station.source, generator, size=recipe.size)
+        source = _procedural(station.source, station.patient, recipe.seed, recipe.size)
     side = source.grid.spacing * recipe.size
     scale = min(station.scale, max(1.0, 2 * _geometry(recipe).field_of_view_radius / side))
     return source if scale == 1 else source.resized(scale)
 
 
+@lru_cache(maxsize=len(ANATOMIES))  # the first of each anatomy is looked at before the work, others have stations
+def _procedural(anatomy: str, patient: int, seed: int, size: int) -> Source:
+    return procedural_patient(anatomy, np.random.default_rng([seed, patient, *anatomy.encode()]), size=size)
+
+
 def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[dict[float, ExposedSlice]]:
     """Yield each row's exposures by tube voltage."""
-    geometry = _geometry(recipe)
+    geometry, grid = _geometry(recipe), source.grid.halved
     beams = {voltage: scanner_beam(geometry, tube_voltage_kvp=voltage) for voltage in recipe.tube_voltages_kvp}
-    fine = ImageGrid(2 * recipe.size, 2 * recipe.size, source.grid.spacing / 2)
     by_catsim: dict[float, Sequence[Moments]] = {}
     if recipe.simulator == "catsim":
         middle = (z[0] + z[-1]) / 2
         by_catsim = {
-            voltage: catsim_moments(source.body, geometry, tube_voltage_kvp=voltage, rows=len(z), z=middle, grid=fine)
+            voltage: catsim_moments(source.body, geometry, tube_voltage_kvp=voltage, rows=len(z), z=middle, grid=grid)
             for voltage in beams
         }
     for row, height in enumerate(z):
-        phantom = source.body.slice(height, fine)
+        phantom = source.body.slice(height, grid)
         moments = [of[row] for of in by_catsim.values()] or simulate_moments(phantom, geometry, [*beams.values()])
         slices = {}
         for (voltage, beam), each in zip(beams.items(), moments, strict=True):

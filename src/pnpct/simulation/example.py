@@ -4,21 +4,21 @@ import numpy as np
 import torch
 
 from pnpct.arrays import Image
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import DEFAULT_SIZE, ImageGrid
 from pnpct.physics import Scan
 from pnpct.simulation.beam import scanner_beam
 from pnpct.simulation.phantom import truth
-from pnpct.simulation.scanner import clinical_fan_beam, expose
+from pnpct.simulation.scanner import BINS, TUBE_CURRENT_MA, VIEWS, clinical_fan_beam, expose
 from pnpct.simulation.sources import procedural_patient
 
 
 def example_scan(
     anatomy: str = "chest",
     *,
-    size: int = 256,
-    views: int = 492,
-    bins: int = 450,
-    tube_current_ma: float = 40.0,
+    size: int = DEFAULT_SIZE // 2,
+    views: int = VIEWS // 2,
+    bins: int = BINS // 2,
+    tube_current_ma: float = TUBE_CURRENT_MA,
     seed: int = 0,
 ) -> tuple[Scan, Image, ImageGrid]:
     """Simulate a low-dose scan of a slice of a procedural patient, as `pnpct simulate scan` does.
@@ -46,7 +46,7 @@ def example_scan(
     grid = source.grid
     geometry = clinical_fan_beam(views=views, bins=bins)
     beam = scanner_beam(geometry)
-    phantom = source.body.slice(source.height, ImageGrid(2 * grid.rows, 2 * grid.cols, grid.spacing / 2))
+    phantom = source.body.slice(source.height, grid.halved)
     exposure = expose(phantom, geometry, beam)
     scan = exposure.scan(tube_current_ma=tube_current_ma, generator=torch.Generator().manual_seed(seed))
     return scan, truth(phantom, grid, energy=beam.effective_energy), grid

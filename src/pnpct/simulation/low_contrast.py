@@ -23,14 +23,6 @@ CCT189: tuple[Insert, ...] = (
 )
 """The inserts of the phantom MITA CCT189: faint ones are large."""
 
-LIVER_LIKE: tuple[Insert, ...] = (
-    Insert(diameter=5.0, contrast_hu=-50.0, center=(_EDGE, _EDGE)),
-    Insert(diameter=8.0, contrast_hu=-30.0, center=(-_EDGE, _EDGE)),
-    Insert(diameter=10.0, contrast_hu=-20.0, center=(-_EDGE, -_EDGE)),
-    Insert(diameter=15.0, contrast_hu=-15.0, center=(_EDGE, -_EDGE)),
-)
-"""Dark inserts with the sizes and contrasts of liver lesions."""
-
 
 def low_contrast_phantom(
     grid: ImageGrid, *, inserts: Sequence[Insert] = CCT189, radius: float = 100.0, energy: float = 70.0

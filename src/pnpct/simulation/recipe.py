@@ -8,8 +8,10 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 
 from pnpct.files import Split
+from pnpct.geometry import DEFAULT_SIZE
 from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.catsim import VOLTAGES as CATSIM_VOLTAGES
+from pnpct.simulation.scanner import BINS, VIEWS
 
 Simulator: TypeAlias = Literal["own", "catsim"]
 """Who makes the scans: pnpct or CatSim."""
@@ -51,9 +53,9 @@ class Recipe:
     rows: int = 32
     tube_voltages_kvp: tuple[float, ...] = (80.0, 100.0, 120.0)
     simulator: Simulator = "own"
-    views: int = 984
-    bins: int = 900
-    size: int = 512
+    views: int = VIEWS
+    bins: int = BINS
+    size: int = DEFAULT_SIZE
     noise_hu: float = 0.0
     validation: float = 0.1
     test: float = 0.1

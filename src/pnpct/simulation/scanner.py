@@ -16,6 +16,10 @@ from pnpct.physics import Exposure, Moments
 from pnpct.simulation.beam import Beam, effective_mu_water, hardening_correction, scanner_beam
 from pnpct.simulation.phantom import Phantom, relative_attenuation
 
+VIEWS, BINS = 984, 900
+"""Views of a rotation, and detector cells along the arc."""
+TUBE_CURRENT_MA = 40.0
+"""Of a low-dose scan, mA, at a rotation time of one second."""
 SLICE_THICKNESS = 0.625
 """Distance of the slices of neighbouring detector rows at the isocentre, mm."""
 _CHUNK = 16
@@ -82,7 +86,7 @@ def _middles(parts: int) -> np.ndarray:
     return (np.arange(parts) + 0.5) / parts - 0.5
 
 
-def clinical_fan_beam(*, views: int = 984, bins: int = 900) -> FanBeam:
+def clinical_fan_beam(*, views: int = VIEWS, bins: int = BINS) -> FanBeam:
     """Return the geometry of CatSim's default scanner, with its full fan of 56 degrees.
 
     541 mm from the focal spot to the isocentre, 949 mm to the detector, an arc of 921.5 mm shifted by a
@@ -101,7 +105,7 @@ def clinical_fan_beam(*, views: int = 984, bins: int = 900) -> FanBeam:
         bins=bins,
         source_to_isocenter=541.0,
         source_to_detector=949.0,
-        bin_width=1.0239 * 900 / max(bins, 1),  # FanBeam says what is wrong with less than one
+        bin_width=1.0239 * BINS / max(bins, 1),  # FanBeam says what is wrong with less than one
         detector_offset=0.25,
     )
 

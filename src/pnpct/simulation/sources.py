@@ -9,7 +9,7 @@ from pnpct.denoisers import NonlocalMeans
 from pnpct.files import read_dicom_series, read_volume, read_xcist_phantom, sha256_of
 from pnpct.files.errors import existing_file
 from pnpct.files.provenance import sha256_of_files, sha256_of_folder
-from pnpct.geometry import ImageGrid
+from pnpct.geometry import DEFAULT_SIZE, ImageGrid
 from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.body import Body
 from pnpct.simulation.ct_body import CTBody
@@ -39,7 +39,7 @@ class Source:
         return replace(self, body=ResizedBody(self.body, scale), grid=grid, height=scale * self.height)
 
 
-def procedural_patient(anatomy: str, generator: np.random.Generator, *, size: int = 512) -> Source:
+def procedural_patient(anatomy: str, generator: np.random.Generator, *, size: int = DEFAULT_SIZE) -> Source:
     """Return a procedural patient.
 
     Args:
@@ -57,7 +57,7 @@ def procedural_patient(anatomy: str, generator: np.random.Generator, *, size: in
     return Source(chosen.build(generator), grid, chosen.height)
 
 
-def from_files(path: Path, *, size: int = 512, noise_hu: float = 0.0, series_uid: str | None = None) -> Source:
+def from_files(path: Path, *, size: int = DEFAULT_SIZE, noise_hu: float = 0.0, series_uid: str | None = None) -> Source:
     """Read a body: a folder with a DICOM CT series, a volume of HU (.npz), or an XCIST phantom (.json, .zip).
 
     Args:

@@ -98,7 +98,7 @@ def texture_loss(
         output: Attenuation relative to water.
         target: The high-dose image, of the same shape; "paper" does not look at it.
         form: "corrected" or "paper".
-        entropy: `local_entropy`, or `histogram_entropy` of `pnpct.training.local_statistics`.
+        entropy: `local_entropy`, perhaps with another window or floor.
 
     Returns:
         Nats; 0 or more if corrected.

@@ -30,11 +30,6 @@ class PowerLaw:
     slope: float
     covariance: tuple[float, float, float]
 
-    @property
-    def slope_error(self) -> float:
-        """Standard error of b."""
-        return math.sqrt(self.covariance[2])
-
     def at(self, dose: float, *, level: float = 0.95) -> Interval:
         """Return d′ at a dose, with the interval of the fit."""
         along = math.log(dose)

@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -25,9 +25,7 @@ FEATURES = ("contrast", "dissimilarity", "homogeneity", "asm", "energy", "correl
 """The features of a `Texture`, in the order in which they are shown."""
 
 
-# scikit-image has no types for these two.
-_graycomatrix: Callable[..., NDArray[np.float64]] = feature.graycomatrix
-_graycoprops: Callable[..., NDArray[np.float64]] = feature.graycoprops
+_graycomatrix: Callable[..., NDArray[np.float64]] = feature.graycomatrix  # which has no types
 
 
 @dataclass(frozen=True)
@@ -218,7 +216,15 @@ def _glcm_features(levels: NDArray[np.uint8], spec: GLCMSpec) -> list[float]:
     pairs = _graycomatrix(
         levels, list(spec.distances), list(spec.angles), levels=spec.levels, symmetric=spec.symmetric, normed=True
     )
-    by_library = [float(_graycoprops(pairs, "ASM" if name == "asm" else name).mean()) for name in FEATURES[:-1]]
-    # scikit-image has entropy only in its latest releases, and in nats.
-    logarithm = np.log2(pairs, out=np.zeros_like(pairs), where=pairs > 0)
-    return [*by_library, abs(float((pairs * logarithm).sum(axis=(0, 1)).mean()))]
+    i, j, *at = np.nonzero(pairs)  # of 256 x 256 pairs of levels a patch has a thousand
+    share, matrix = pairs[i, j, *at], np.ravel_multi_index(at, pairs.shape[2:])
+
+    def mean(values: NDArray[Any]) -> NDArray[Any]:
+        """The mean over all pairs, for each distance and angle."""
+        return np.bincount(matrix, share * values)
+
+    apart, of_i, of_j = (i - j).astype(np.float64), i - mean(i)[matrix], j - mean(j)[matrix]
+    asm, spread = mean(share), np.sqrt(mean(of_i**2) * mean(of_j**2))
+    correlation = np.divide(mean(of_i * of_j), spread, out=np.ones_like(spread), where=spread > 0)
+    features = (mean(apart**2), mean(abs(apart)), mean(1 / (1 + apart**2)), asm, np.sqrt(asm), correlation)
+    return [float(each.mean()) for each in (*features, abs(mean(np.log2(share))))]

@@ -1,34 +1,10 @@
-"""The truth that an image is compared with."""
-
-from pathlib import Path
+"""Whether the pixels of two images are at the same places."""
 
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pnpct.arrays import Image, Volume
-from pnpct.cli.image_input import check_series, image_of
-from pnpct.files import describe_file, read_truth
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
-
-
-def truth_of(path: Path, series_uid: str | None = None) -> tuple[Image | Volume, Grid]:
-    """Read the truth and its grid, from an image, a volume, a DICOM series or a scan.
-
-    Args:
-        path: The file, or the folder of a series.
-        series_uid: SeriesInstanceUID of the series to read, where the folder holds several.
-
-    Raises:
-        OSError: If the file cannot be read.
-        ValueError: If it is none of these, or a scan without its truth.
-    """
-    if path.is_dir() or path.suffix.lower() != ".h5" or describe_file(path)["format"] != "pnpct-scan":
-        return image_of(path, series_uid)
-    check_series(path, series_uid)
-    if (truth := read_truth(path)) is None:
-        raise ValueError(f"{path} is a scan without its truth; give an image to compare with.")
-    return truth
 
 
 def on_one_grid(image: tuple[Tensor, Grid], truth: tuple[Tensor, Grid]) -> tuple[Tensor, Tensor]:
