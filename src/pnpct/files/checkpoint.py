@@ -54,8 +54,8 @@ def save_network(
             water (`AdaptedNetwork` makes others do so); its parameters are stored as float32.
         architecture: Where a network of your own can be imported from, "my_package.module:name": such a network, its
             class, or a function `() -> nn.Module`. One that was imported by `imported_network` knows it.
-        about: Plain values by name, those of `ABOUT` among them, and perhaps `finest_pixel_mm`, the smallest pixels of the
-            training images: plug-and-play may divide larger ones (`LearnedDenoiser`).
+        about: Plain values by name, those of `ABOUT` among them, and perhaps `finest_pixel_mm`, the smallest pixels of
+            the training images: plug-and-play may divide larger ones (`LearnedDenoiser`).
 
     Raises:
         OSError: If a file cannot be written.
