@@ -85,5 +85,5 @@ def test_texts_that_would_be_read_for_ever_are_refused(length, folder):
     at = content.index(b"GCOL") + 16
     content[at : at + 16] = bytes(8) + length.to_bytes(8, "little")
     (folder / "scan.h5").write_bytes(content)
-    with pytest.raises(FileFormatError, match="this file is damaged .a text without its length"):
+    with pytest.raises(FileFormatError, match=r"this file is damaged .a text without its length"):
         read_scan(folder / "scan.h5")

@@ -117,6 +117,7 @@ def import_arrays(
     counts, quanta, notes = quanta_of(
         values, given, measured, kind, name=name, per_quantum=signal_per_quantum, insist=insist
     )
+    _check_largest(quanta)
     measured, faults = without_faults(measured, counts, quanta, electronic_noise)
     if not measured.all():
         of_bins = (measured == measured[0]).all()
@@ -161,10 +162,14 @@ def as_float32(array: Array) -> torch.Tensor:
     Raises:
         ValueError: If a number is larger than any count.
     """
+    _check_largest(array)
+    return torch.from_numpy(np.array(array, dtype=np.float32, order="C"))
+
+
+def _check_largest(array: Array) -> None:
     largest = float(np.abs(array).max(initial=0.0))
     if largest > _LARGEST_COUNT:
         raise ValueError(f"A scan has counts of up to {_LARGEST_COUNT:g}, got {largest:.6g}.")
-    return torch.from_numpy(np.array(array, dtype=np.float32, order="C"))
 
 
 def _check_shape(shape: tuple[int, ...], needed: tuple[int, int], name: str) -> None:
