@@ -13,7 +13,6 @@ from pydicom.uid import SecondaryCaptureImageStorage
 from pnpct.files.dicom_image import CTSlice, hu_of, read_image_header, slices_of, values_of
 from pnpct.files.errors import FileFormatError, PathLike
 from pnpct.files.image_series import ImageSeries, check_heights
-from pnpct.files.plausible import check_foreign_image
 from pnpct.files.series_resampling import without_tilt
 
 
@@ -102,9 +101,7 @@ def _read(folder: Path, series_uid: str | None) -> ImageSeries:
     try:
         check_heights(z)
         plane = layout.plane(lowest.position[:2])
-        image_hu = hu_of_all(slices)
-        check_foreign_image(folder, float(image_hu.min()), float(image_hu.max()), plane, own=True)
-        series = ImageSeries(image_hu, plane, z, lowest.description, lowest.thickness)
+        series = ImageSeries(hu_of_all(slices), plane, z, lowest.description, lowest.thickness)
         return without_tilt(series, layout.rise * layout.along_column[1]) if layout.rise else series
     except FileFormatError:
         raise
