@@ -80,6 +80,15 @@ def test_values_that_are_no_hu_are_refused(tmp_path, low, high, message):
         read_image(tmp_path / "a.nii")
 
 
+def test_voxels_that_no_memory_holds_are_those_of_a_damaged_file(tmp_path):
+    header = nib.Nifti1Header()
+    header.set_data_dtype(np.int16)
+    header.set_data_shape((30_000, 30_000, 30_000))
+    (tmp_path / "a.nii").write_bytes(header.binaryblock + bytes(1004))
+    with pytest.raises(FileFormatError, match="declares more voxels than the memory holds|not a complete NIfTI file"):
+        read_image(tmp_path / "a.nii")
+
+
 def test_lengths_of_nifti_are_in_the_unit_that_it_says(tmp_path):
     hu = np.linspace(-1000, 1000, 64, dtype=np.float32).reshape(4, 4, 4)
     for unit, spacing in (("meter", 2e-3), ("mm", 2.0), ("micron", 2e3), ("unknown", 2.0)):

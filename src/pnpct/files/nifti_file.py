@@ -92,6 +92,8 @@ def read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
         with warnings.catch_warnings(), np.errstate(all="ignore"), _silent_nibabel():
             warnings.simplefilter("ignore")  # what does not fit is refused below
             voxels, affine, axes, own = _canonical(path)
+    except MemoryError as error:
+        raise FileFormatError(f"{path} declares more voxels than the memory holds; is it damaged?") from error
     except (ImageFileError, HeaderDataError, ArithmeticError, EOFError, OSError, ValueError, zlib.error) as error:
         reason = " ".join(str(error).split())
         raise FileFormatError(f"{path}: this is not a complete NIfTI file ({reason}).") from error
