@@ -85,7 +85,7 @@ def test_voxels_that_no_memory_holds_are_those_of_a_damaged_file(tmp_path):
     header.set_data_dtype(np.int16)
     header.set_data_shape((30_000, 30_000, 30_000))
     (tmp_path / "a.nii").write_bytes(header.binaryblock + bytes(1004))
-    with pytest.raises(FileFormatError, match="declares more voxels than the memory holds|not a complete NIfTI file"):
+    with pytest.raises(FileFormatError, match=r"declares more voxels than the memory holds|not a complete NIfTI file"):
         read_image(tmp_path / "a.nii")
 
 
