@@ -86,6 +86,7 @@ WRITING = [
     Case("no such folder", ELSEWHERE + "no/out.h5", "no/out.h5 there is no folder"),
     Case("a folder for the image", ELSEWHERE + "a.h5", "a.h5 is a folder", with_folder("a.h5")),
     Case("a folder for the sidecar", GOOD, "out.h5.json is a folder", with_folder("out.h5.json")),
+    Case("a link to nothing", "info {here}/a.h5", "symbolic link no file", with_link("a.h5", "a.h5")),
     Case("a device for the image", ELSEWHERE + "a.h5", "a.h5 not an ordinary file", with_link("a.h5", "/dev/full")),
     Case("an unknown format", ELSEWHERE + "out.tiff", "out.tiff .h5 .nii .nii.gz .png"),
     Case("a scan as a picture", "simulate scan {here}/out.png", "out.png .h5"),

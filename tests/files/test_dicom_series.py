@@ -229,6 +229,7 @@ def test_slices_must_be_alike(tmp_path, changes, message):
         ({"PixelSpacing": [0.7, 0.8]}, "square pixels are needed, got 0.7 x 0.8 mm"),
         ({"PixelSpacing": [0, 0]}, "square pixels are needed"),
         ({"PixelSpacing": ""}, "has no PixelSpacing, or not as 2 finite numbers"),
+        ({"RescaleSlope": 1e5}, "are no HU; is the file damaged"),
         ({"RescaleSlope": None}, "has no RescaleSlope, or not as 1 finite numbers"),
         ({"RescaleType": "MGML"}, "in HU was needed, but its values are in MGML"),
         ({"SOPClassUID": EnhancedCTImageStorage, "NumberOfFrames": 2}, "holds 2 frames; export the series"),

@@ -215,7 +215,8 @@ def test_gradients_and_other_precisions_do_not_matter(tmp_path, image):
 @pytest.mark.parametrize(
     ("name", "shape", "options", "message"),
     [
-        ("image.jpg", (4, 6), {}, "Images are stored as .h5, .nii, .nii.gz or .png, got image.jpg"),
+        ("image.jpg", (4, 6), {}, "Images are stored as .h5, .nii, .nii.gz or .png; got image.jpg"),
+        ("image.dcm", (4, 6), {}, "a DICOM series is given by its folder; got image.dcm"),
         ("image", (4, 6), {}, "got image."),
         ("image.h5", (6, 4), {}, "must end in the grid's (4, 6), got (6, 4)"),
         ("image.nii", (2, 4, 6), {}, "one image or one volume, got a batch of the shape (2, 4, 6); use .h5"),

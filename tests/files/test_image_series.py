@@ -77,7 +77,8 @@ def test_padding_becomes_air(tmp_path, dtype):
         ({"z_mm": np.array([0.0, 1.0, 1.0, 2.0, 3.0])}, "Two slices are at the same height, z = 1 mm"),
         ({"z_mm": np.array([0.0, 2.0, 1.0, 3.0, 4.0])}, "must grow, but z = 1 mm follows on 2 mm"),
         ({"hu": np.zeros((4, 6))}, r"\[slices, rows, cols\] was needed, got the shape \(4, 6\)"),
-        ({"hu": np.full((5, 4, 6), 1e300)}, "must be finite HU"),
+        ({"hu": np.full((5, 4, 6), 1e300)}, r"values from 1e\+300 to 1e\+300 are no HU"),
+        ({"spacing_mm": np.array(6e-4)}, "an image of 0.0036 mm, .*distances of its pixels in m"),
         ({"hu": np.full((5, 4, 6), 1.02)}, "the values go from 1.02 to 1.02; are they in another unit"),
     ],
 )

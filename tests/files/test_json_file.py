@@ -15,6 +15,7 @@ from pnpct.files.json_file import file_beside, load_json
         ("[1, 2]", r"a JSON object with named values was needed, got \[1, 2\]"),
         (json.dumps("m" * 100_000), r"got 'm{76}\.\.\.\.$"),
         ("\xff", "this is not JSON"),
+        ('{"a": ' + "9" * 5000 + "}", "a number has thousands of digits"),
     ],
 )
 def test_what_is_no_object_is_one_short_sentence(tmp_path, text, message):

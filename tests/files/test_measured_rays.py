@@ -79,6 +79,20 @@ def test_counts_that_the_noise_denies_are_scaled_to_it(line_integrals, incident)
     assert insisted.notes == ()
 
 
+@pytest.mark.parametrize("most", [5.0, 100.0])
+def test_counts_without_the_noise_of_so_few_are_scaled_too(line_integrals, most):
+    """Transmissions in percent, say; those of at most 5 gave -450 HU."""
+    made = import_arrays(most * np.exp(-line_integrals), GEOMETRY, kind="counts", incident=most, mu_water=MU)
+    assert hu_of(made.scan)[0] == pytest.approx(RIGHT, abs=5)
+    assert "far less noise" in made.notes[0]
+
+
+def test_line_integrals_are_no_counts(line_integrals):
+    """They gave -600 HU."""
+    with pytest.raises(ValueError, match="as line integrals have; set kind to line-integrals"):
+        import_arrays(line_integrals, GEOMETRY, kind="counts", incident=1e5, mu_water=MU)
+
+
 @pytest.mark.parametrize("incident", [300.0, 1e5])
 def test_counts_that_fit_the_noise_are_taken_as_they_are(line_integrals, incident):
     counts = np.random.default_rng(2).poisson(incident * np.exp(-line_integrals)).clip(0.5)
@@ -118,6 +132,16 @@ def masked(counts):
     return {"mask": np.arange(BINS) != 150}
 
 
+def stuck_high(counts):
+    counts[:, 150:154] = 65535.0
+    return {}
+
+
+def stuck_low(counts):
+    counts[:, 150] = 3.0
+    return {}
+
+
 def dead_views(counts):
     counts[[20, 21, 22, 90]] = 0
 
@@ -153,14 +177,16 @@ def test_few_counts_behind_metal_are_measurements(line_integrals):
 def test_transmissions_are_no_line_integrals(line_integrals):
     """They gave -1100 HU."""
     transmissions = np.exp(-line_integrals)
-    with pytest.raises(ValueError, match="as transmissions counts/incident are; set kind to counts"):
+    with pytest.raises(ValueError, match="as counts or transmissions counts/incident are; set kind to counts"):
         import_arrays(transmissions, GEOMETRY, mu_water=MU)
     assert import_arrays(transmissions, GEOMETRY, mu_water=MU, insist=True).scan.geometry.views == VIEWS
+    with pytest.raises(ValueError, match="steady at both ends of the fan"):
+        import_arrays(5 * transmissions, GEOMETRY, mu_water=MU)
     small = line_integrals / line_integrals.max()
     assert import_arrays(small, GEOMETRY, mu_water=MU).scan.geometry.views == VIEWS
 
 
-@pytest.mark.parametrize("lose", [dead_cell, silent_cell, noisy_cell, without_incident, masked])
+@pytest.mark.parametrize("lose", [dead_cell, silent_cell, noisy_cell, without_incident, masked, stuck_high])
 def test_a_dead_cell_leaves_no_ring(line_integrals, lose):
     counts = 1e5 * np.exp(-line_integrals)
     options = {"incident": 1e5, **lose(counts)}
@@ -169,10 +195,28 @@ def test_a_dead_cell_leaves_no_ring(line_integrals, lose):
     assert means == pytest.approx(RIGHT, abs=5)
     assert least > -200
     assert most < 900
-    assert f"{VIEWS} of {VIEWS * BINS} rays were not measured" in made.notes[-1]
+    assert f"{(~made.scan.measured).sum() * VIEWS} of {VIEWS * BINS} rays were not measured" in made.notes[-1]
     sinogram = take_log(made.scan)
     assert not sinogram.weights.diagonal[:, 150].any()
     assert bool(sinogram.line_integrals.isfinite().all())
+
+
+@pytest.mark.parametrize(("change", "bins"), [(stuck_high, [150, 151, 152, 153]), (stuck_low, [150])])
+@pytest.mark.parametrize("noise", [True, False])
+def test_stuck_cells_are_found_and_no_others(line_integrals, change, bins, noise):
+    counts = 1e5 * np.exp(-line_integrals)
+    counts = np.random.default_rng(7).poisson(counts).astype(float) if noise else counts
+    change(counts)
+    made = import_arrays(counts, GEOMETRY, kind="counts", incident=1e5, mu_water=MU)
+    assert np.flatnonzero(~made.scan.measured.numpy()).tolist() == bins
+    assert f"left out as stuck: {', '.join(map(str, bins))}." in made.notes[0]
+
+
+def test_a_mask_the_wrong_way_round_is_doubted(line_integrals):
+    mask = np.arange(BINS) == 150
+    with pytest.raises(ValueError, match="leaves 180 of 46080 rays: is it the wrong way round"):
+        import_arrays(line_integrals, GEOMETRY, mask=mask, mu_water=MU)
+    assert (~import_arrays(line_integrals, GEOMETRY, mask=~mask, mu_water=MU).scan.measured).sum() == 1
 
 
 @pytest.mark.parametrize("value", [0.0, 300.0, 1e6])

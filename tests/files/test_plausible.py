@@ -80,6 +80,39 @@ def test_values_that_are_no_hu_are_refused(tmp_path, low, high, message):
         read_image(tmp_path / "a.nii")
 
 
+def test_voxels_that_no_memory_holds_are_those_of_a_damaged_file(tmp_path):
+    header = nib.Nifti1Header()
+    header.set_data_dtype(np.int16)
+    header.set_data_shape((30_000, 30_000, 30_000))
+    (tmp_path / "a.nii").write_bytes(header.binaryblock + bytes(1004))
+    with pytest.raises(FileFormatError, match=r"declares more voxels than the memory holds|not a complete NIfTI file"):
+        read_image(tmp_path / "a.nii")
+
+
+def test_lengths_of_nifti_are_in_the_unit_that_it_says(tmp_path):
+    hu = np.linspace(-1000, 1000, 64, dtype=np.float32).reshape(4, 4, 4)
+    for unit, spacing in (("meter", 2e-3), ("mm", 2.0), ("micron", 2e3), ("unknown", 2.0)):
+        nifti = nib.Nifti1Image(hu, np.diag([spacing, spacing, spacing, 1.0]))
+        nifti.header.set_xyzt_units(xyz=unit)
+        nib.save(nifti, tmp_path / "a.nii")
+        assert read_image(tmp_path / "a.nii")[1].plane.spacing == pytest.approx(2.0)
+    nib.save(nib.Nifti1Image(hu, np.diag([2e-3, 2e-3, 2e-3, 1.0])), tmp_path / "a.nii")
+    with pytest.raises(FileFormatError, match=r"an image of 0.008 mm, .*: are the distances of its pixels in m"):
+        read_image(tmp_path / "a.nii")
+
+
+@pytest.mark.parametrize("centimetres", [False, True])
+def test_a_body_of_metal_in_a_scan_of_water_is_doubted(centimetres):
+    """Ten times the lengths are ten times the HU."""
+    written = geometry(0.1 if centimetres else 1.0, bins=100, bin_width_mm=0.5 if centimetres else 5.0)
+    p = np.tile(0.02 * 200 * np.sin(np.linspace(0, np.pi, 100)), (12, 1))
+    if not centimetres:
+        assert import_arrays(p, written).scan.geometry.bins == 100
+        return
+    with pytest.raises(ValueError, match=r"filled with 7.* times the attenuation of water: are the lengths in cm"):
+        import_arrays(p, written)
+
+
 def test_water_alone_is_read_from_our_own_file(tmp_path):
     write_image(tmp_path / "a.nii", torch.ones(4, 4), ImageGrid(4, 4, spacing=1.0), provenance=Provenance([], "0"))
     assert read_image(tmp_path / "a.nii")[0].tolist() == torch.ones(4, 4).tolist()

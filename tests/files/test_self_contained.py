@@ -76,3 +76,14 @@ def test_links_within_the_file_are_followed(folder):
         file["counts"] = h5py.SoftLink("/measured")
         file["again"] = file["/"]  # a circle
     assert float(read_scan(folder / "scan.h5").counts.mean()) == 500.0
+
+
+@pytest.mark.parametrize("length", [0, 2**64 - 16])
+def test_texts_that_would_be_read_for_ever_are_refused(length, folder):
+    """HDF5 goes from one object of its heap to the next by their lengths, and cannot be interrupted."""
+    content = bytearray((folder / "scan.h5").read_bytes())
+    at = content.index(b"GCOL") + 16
+    content[at : at + 16] = bytes(8) + length.to_bytes(8, "little")
+    (folder / "scan.h5").write_bytes(content)
+    with pytest.raises(FileFormatError, match=r"this file is damaged .a text without its length"):
+        read_scan(folder / "scan.h5")

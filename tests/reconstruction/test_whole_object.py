@@ -149,3 +149,16 @@ def test_the_command_says_what_was_done_and_notes_it(tmp_path, capsys):
     assert made.notes[0] in capsys.readouterr().out
     notes = Provenance.from_json(out.with_name("out.h5.json").read_text()).settings["notes"]
     assert tuple(notes) == made.notes
+
+
+@pytest.mark.parametrize("method", [TVPWLS(iterations=1), PlugAndPlay(TotalVariation(0.02), iterations=1)])
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_an_image_of_a_few_large_pixels_is_made_or_refused_in_a_sentence(method, size):
+    """No view sees the whole of any pixel."""
+    sinogram = take_log(scan_of(WHOLE))
+    projector = Projector(ImageGrid(size, size, 440.0 / size), WHOLE, mu_water=MU)
+    if size == 1:
+        with pytest.raises(ValueError, match="focal spot"):
+            method(sinogram, projector)
+    else:
+        assert bool(method(sinogram, projector).image.isfinite().all())

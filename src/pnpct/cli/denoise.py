@@ -14,9 +14,10 @@ from pnpct.cli.dicom_output import finish_folder
 from pnpct.cli.image_input import check_series, image_of
 from pnpct.cli.image_output import ImageOptions, names_folder
 from pnpct.cli.parsing import option
-from pnpct.cli.terminal import working
+from pnpct.cli.terminal import say, working
 from pnpct.denoisers import denoiser_settings
 from pnpct.files import SourceSeries, read_source_series, record_run
+from pnpct.files.plausible import doubt_of_image
 from pnpct.geometry import Grid
 
 
@@ -45,6 +46,8 @@ class Denoise(DenoiserOptions, ImageOptions):
         device = choose_device(self.device)
         with working("Reading"):
             image, place = self._input(command)
+        if doubt := doubt_of_image(image):
+            say(f"{self.image}: {doubt}")
         denoise = self.chosen_denoiser(device)
         with working("Denoising"):
             denoised = denoise(image.to(device)).cpu()

@@ -77,6 +77,8 @@ def _numpy_arrays(file: Path) -> dict[str, NDArray[Any]]:
             if isinstance(content, np.ndarray):
                 return {"": content}
             return {name: each for name in content.files if isinstance(each := content[name], np.ndarray)}
+    except MemoryError as error:
+        raise FileFormatError(f"{file} declares more numbers than the memory holds; is it damaged?") from error
     except _DAMAGE as error:
         raise FileFormatError(
             f"{file}: this is not a complete .npy or .npz file of numbers; save it by numpy.save."

@@ -17,6 +17,7 @@ from pnpct.files.dicom_frames import FUNCTIONAL_GROUPS, frames_of
 from pnpct.files.dicom_open import dcmread_any, stored_pixels
 from pnpct.files.errors import FileFormatError
 from pnpct.files.image_series import AIR_HU, tidy_hu
+from pnpct.files.plausible import check_foreign_image
 from pnpct.geometry import ImageGrid
 
 _GEOMETRY = ("Rows", "Columns", "PixelSpacing", "ImageOrientationPatient", "ImagePositionPatient", "SliceThickness")
@@ -263,6 +264,7 @@ def hu_of(one: CTSlice) -> NDArray[np.int16] | NDArray[np.float32]:
     if stored.shape != (one.layout.rows, one.layout.cols):
         raise FileFormatError(f"{one.path}: a grey image was needed, got values of the shape {stored.shape}.")
     hu = stored * one.slope + one.intercept
+    check_foreign_image(one.path, float(hu.min()), float(hu.max()), one.layout.plane(one.position[:2]), own=True)
     if one.header.get("PixelPaddingValue") is not None:
         limit = "PixelPaddingRangeLimit" if "PixelPaddingRangeLimit" in one.header else "PixelPaddingValue"
         ends = [_numbers(one.path, one.header, name, 1)[0] for name in ("PixelPaddingValue", limit)]

@@ -26,6 +26,8 @@ def existing_file(path: PathLike) -> Path:
     path = Path(path)
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder, but a file is needed.")
+    if path.is_symlink() and not path.exists():
+        raise FileNotFoundError(f"{path} is a symbolic link that leads to no file; give the file itself.")
     if not path.exists():
         raise FileNotFoundError(f"There is no file {path}{_near(path)}.")
     if not path.is_file():

@@ -15,7 +15,7 @@ from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file, shown
 from pnpct.files.growing_file import GrowingFile
 from pnpct.files.provenance import Provenance
-from pnpct.files.self_contained import check_self_contained, check_stored
+from pnpct.files.self_contained import check_heaps, check_self_contained, check_stored
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 
 FORMAT_VERSION = 1
@@ -85,6 +85,7 @@ def opened_hdf5(path: PathLike) -> Iterator[h5py.File]:
     with path.open("rb"):
         pass  # the system's own error for what cannot be read, before HDF5's
     try:
+        check_heaps(path)
         with h5py.File(path, "r") as file:
             check_self_contained(file)
             yield file

@@ -119,7 +119,8 @@ def _suffix(path: PathLike) -> str:
     for suffix in (".h5", ".nii", ".nii.gz", ".png"):
         if name.endswith(suffix):
             return suffix
-    raise ValueError(f"Images are stored as .h5, .nii, .nii.gz or .png, got {Path(path).name}.")
+    series = " a DICOM series is given by its folder;" if name.endswith((".dcm", ".ima")) else ""
+    raise ValueError(f"Images are stored as .h5, .nii, .nii.gz or .png;{series} got {Path(path).name}.")
 
 
 def _hu_array(image: Image | Volume) -> np.ndarray[Any, np.dtype[np.float64]]:

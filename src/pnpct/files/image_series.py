@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pnpct.arrays import Volume
 from pnpct.files.array_file import load_array
 from pnpct.files.errors import FileFormatError, PathLike
+from pnpct.files.plausible import check_foreign_image
 from pnpct.geometry import ImageGrid, VolumeGrid
 from pnpct.units import from_hu
 
@@ -202,16 +203,14 @@ def _series(
 ) -> ImageSeries:
     if volume.ndim != 3 or volume.size == 0:
         raise FileFormatError(f"{path}: a volume [slices, rows, cols] was needed, got the shape {volume.shape}.")
-    if volume.min() >= -20 and volume.max() <= 20:
-        raise FileFormatError(
-            f"{path}: HU were needed, where air is -1000, but the values go from {volume.min():g} to "
-            f"{volume.max():g}; are they in another unit?"
-        )
     if len(z) > 1 and z[0] > z[-1]:
         volume, z = volume[::-1], z[::-1]
     try:
         plane = ImageGrid(volume.shape[1], volume.shape[2], float(pixel_spacing))
+        check_foreign_image(path, float(volume.min()), float(volume.max()), plane)
         heights = tuple(z.astype(np.float64).tolist())
         return ImageSeries(tidy_hu(volume), plane, heights, "CT volume from a NumPy file", slice_thickness)
+    except FileFormatError:
+        raise
     except ValueError as error:
         raise FileFormatError(f"{path}: {error}") from error

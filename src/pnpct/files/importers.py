@@ -77,8 +77,8 @@ def import_arrays(
 
     Line integrals p become counts, incident · exp(−p). Arrays come from memory or from .npy, .npz
     and .mat files, a member chosen as in "scan.npz:counts". Rays that are NaN, masked, or without incident counts
-    were not measured, nor were cells and views that counted nothing but noise, and rays of no count among many: their
-    incident counts become 0.
+    were not measured, nor were cells and views that counted nothing but noise, cells that are stuck at one value, and
+    rays of no count among many: their incident counts become 0.
     Views in which nothing was measured are left out.
 
     Args:
@@ -113,11 +113,12 @@ def import_arrays(
     values = loaded(array, nan=True)
     _check_shape(values.shape, shape, name)
     given = None if incident is None else incident_of(incident, shape, signal_per_quantum)
-    measured = measured_rays(values, given, mask, shape)
+    measured = measured_rays(values, given, mask, shape, insist=insist)
     counts, quanta, notes = quanta_of(
         values, given, measured, kind, name=name, per_quantum=signal_per_quantum, insist=insist
     )
-    measured, faults = without_faults(measured, counts, electronic_noise)
+    _check_largest(quanta)
+    measured, faults = without_faults(measured, counts, quanta, electronic_noise)
     if not measured.all():
         of_bins = (measured == measured[0]).all()
         counts, quanta = np.where(measured, counts, 0.0), np.where(measured[0] if of_bins else measured, quanta, 0.0)
@@ -161,10 +162,14 @@ def as_float32(array: Array) -> torch.Tensor:
     Raises:
         ValueError: If a number is larger than any count.
     """
+    _check_largest(array)
+    return torch.from_numpy(np.array(array, dtype=np.float32, order="C"))
+
+
+def _check_largest(array: Array) -> None:
     largest = float(np.abs(array).max(initial=0.0))
     if largest > _LARGEST_COUNT:
         raise ValueError(f"A scan has counts of up to {_LARGEST_COUNT:g}, got {largest:.6g}.")
-    return torch.from_numpy(np.array(array, dtype=np.float32, order="C"))
 
 
 def _check_shape(shape: tuple[int, ...], needed: tuple[int, int], name: str) -> None:

@@ -33,7 +33,8 @@ def parse_json(text: str | bytes) -> dict[str, Any]:
     except RecursionError as error:
         raise FileFormatError("this is not JSON that can be read (its brackets are nested too deeply).") from error
     except ValueError as error:
-        raise FileFormatError(f"this is not JSON ({error}).") from error
+        reason = "a number has thousands of digits" if "digits" in str(error) else error
+        raise FileFormatError(f"this is not JSON ({reason}).") from error
     if not isinstance(content, dict):
         raise FileFormatError(f"a JSON object with named values was needed, got {shown(content)}.")
     return content

@@ -8,18 +8,31 @@ from numpy.typing import NDArray
 
 from pnpct.files.array_file import load_array
 from pnpct.files.errors import PathLike
-from pnpct.physics import MOST_QUANTA, dead_cells, estimate_incident, lost_readings
+from pnpct.physics import MOST_QUANTA, dead_cells, estimate_incident, lost_readings, stuck_cells
 
 Array: TypeAlias = NDArray[Any]
 Kind: TypeAlias = Literal["line-integrals", "counts"]
 _LARGEST_LINE_INTEGRAL = 50.0
 _LARGEST_TRANSMISSION = 2.0
 _LEAST_TRANSMISSION = 1e-6
-_AIR = (0.9, 1.1)
-"""Transmissions of rays that pass the object."""
+_NO_COUNT = 1e-30
+_STEADY = 0.1
+"""Counts of rays that pass the object differ by no more over the views, relative to their median."""
+
+_LEAST_AIR = 0.2
+"""Line integrals of air are below."""
+
+_USED = 0.5
+"""A mask leaves more of the rays."""
 
 _ENOUGH_COUNTS = 40.0
 """Where the logarithm needs no correction for noise, so that a wrong unit of the counts does not matter."""
+
+_DARKEST = 0.05
+"""Share of the rays that are the darkest ones."""
+
+_ENOUGH_RAYS = 1000
+"""To say what their noise is."""
 
 _LESS_NOISE = 30.0
 """How many times more quanta the noise may speak of than there were: smoothing makes it some ten times."""
@@ -71,14 +84,28 @@ def incident_of(incident: float | PathLike | Array, shape: tuple[int, int], per_
 
 
 def measured_rays(
-    values: Array, incident: Array | None, mask: PathLike | Array | None, shape: tuple[int, int]
+    values: Array,
+    incident: Array | None,
+    mask: PathLike | Array | None,
+    shape: tuple[int, int],
+    *,
+    insist: bool = False,
 ) -> Array:
-    """Return whether each ray was measured, (views, bins): not if it is NaN, masked, or has no incident counts."""
+    """Return whether each ray was measured, (views, bins): not if it is NaN, masked, or has no incident counts.
+
+    A mask that leaves out most of the rays is refused as one the wrong way round, unless the user insists.
+    """
     measured: Array = np.logical_not(np.isnan(values).reshape(-1, *shape).any(axis=0))
     if incident is not None:
         measured &= incident > 0
     if mask is not None:
-        measured &= np.nan_to_num(_for_rays(mask, shape, "mask")) != 0
+        used = np.broadcast_to(np.nan_to_num(_for_rays(mask, shape, "mask")) != 0, shape)
+        if not insist and 0 < used.mean() < _USED:
+            raise ValueError(
+                f"The mask leaves {used.sum()} of {used.size} rays: is it the wrong way round? It has a 0 where a ray "
+                "was not measured; if it is meant, insist on it (--insist)."
+            )
+        measured &= used
     if not measured.any():
         raise ValueError(
             "No ray was measured: all are NaN, without incident counts, or 0 in the mask; give those that were a 1."
@@ -95,55 +122,80 @@ def quanta_of(
     the noise says, unless the user insists.
     """
     known, notes = values[..., measured], []
-    unknown = given is None or float(given.max()) <= _LARGEST_TRANSMISSION
+    unknown, counted = given is None or float(given.max()) <= _LARGEST_TRANSMISSION, False
     if kind == "line-integrals":
-        if not insist and _are_transmissions(values):
+        if not insist and _are_counts(values):
             raise ValueError(
-                f"{name} holds values up to {known.max():.3g} that are 1 at both ends of the fan and less between, "
-                "as transmissions counts/incident are; set kind to counts, or insist on line integrals (--insist)."
+                f"{name} holds values up to {known.max():.3g} that are steady at both ends of the fan and less "
+                "between, as counts or transmissions counts/incident are; set kind to counts, or insist on line "
+                "integrals (--insist)."
             )
         transmissions = counts_of(np.where(measured, values, 0.0), np.asarray(1.0), name=name)
     elif given is None:
         raise ValueError("Counts need their incident counts, those expected without an object; give incident.")
-    elif not 0 < float(known.max()) <= _LARGEST_TRANSMISSION:
-        return values / per_quantum, given, []
-    else:
+    elif 0 < float(known.max()) <= _LARGEST_TRANSMISSION:
         transmissions = values / (per_quantum * np.where(given > 0, given, 1.0)) if unknown else values
         notes = [f"The largest count is {known.max():.4g}: the counts were taken for transmissions, counts/incident."]
+    else:
+        if not insist and _are_line_integrals(values, float(given.max()) * per_quantum):
+            raise ValueError(
+                f"{name} holds no value above {known.max():.3g}, and the least at both ends of the fan, as line "
+                "integrals have; set kind to line-integrals, or insist on counts (--insist)."
+            )
+        unknown, counted = False, True
+        with np.errstate(all="ignore"):  # numbers that no detector counts are refused later
+            transmissions = values / per_quantum / np.where(given > 0, given, 1.0)
+        if not np.isfinite(transmissions[..., measured]).all():
+            return values / per_quantum, given, []
     estimate = estimate_incident(np.where(measured, -np.log(transmissions.clip(_LEAST_TRANSMISSION)), np.nan))
     if given is None or unknown:
         used = np.asarray(estimate)
     else:
-        usual, least = float(np.median(given[given > 0])), float((given * transmissions)[..., measured].min())
-        if insist or least >= _ENOUGH_COUNTS or estimate <= _LESS_NOISE * usual:
-            return given * transmissions, given, notes
-        used = given * (estimate / usual)
+        counts = values / per_quantum if counted else given * transmissions
+        usual = float(np.median(given[given > 0]))
+        darkest = float(np.quantile(counts[..., measured], _DARKEST))
+        if insist or known.size < _ENOUGH_RAYS or darkest >= _ENOUGH_COUNTS or estimate <= _LESS_NOISE * usual:
+            return counts, given, notes
+        used = np.asarray(given * (estimate / usual))
         notes.append(
-            f"{name} has far less noise than {usual:.4g} incident quanta have, of which {least:.2g} would arrive in "
-            "the darkest ray; they were not used (--insist uses them)."
+            f"{name} has far less noise than {usual:.4g} incident quanta have, of which {darkest:.2g} would arrive "
+            "in the darkest rays; they were not used (--insist uses them)."
         )
     seen = "estimated from the noise" if estimate < MOST_QUANTA else "assumed, since no noise can be seen"
     notes.append(f"{estimate:.3g} incident quanta were {seen}; weights depend on them, FBP does not.")
     return used * transmissions, used, notes
 
 
-def _are_transmissions(values: Array) -> bool:
-    """Whether values between 0 and 1 are as of air at both ends of the fan, and less between them."""
-    if not np.nanmin(values) >= 0 or not np.nanmax(values) <= _LARGEST_TRANSMISSION:
+def _are_counts(values: Array) -> bool:
+    """Whether values are steady over the views at both ends of the fan, as of air, and less between them."""
+    if not np.nanmin(values) >= 0 or not np.nanmax(values) <= _LARGEST_LINE_INTEGRAL:
         return False
-    per_bin = np.median(np.nan_to_num(values, nan=1.0).reshape(-1, values.shape[-1]), axis=0)
-    ends = per_bin[[0, -1]]
-    return bool((ends > _AIR[0]).all() and (ends < _AIR[1]).all() and per_bin.min() < _AIR[0] * ends.min())
+    rays = values.reshape(-1, values.shape[-1])
+    ends = rays[:, [0, -1]]
+    air = np.median(ends, axis=0)  # NaN, and so nothing, where one was not measured
+    steady = np.quantile(np.abs(ends - air), 0.9, axis=0) < _STEADY * air
+    least = np.nanmin(np.median(rays, axis=0), initial=np.inf)
+    return bool(steady.all() and (air > _LEAST_AIR).all() and least < (1 - _STEADY) * air.min())
 
 
-def without_faults(measured: Array, counts: Array, electronic_noise: float) -> tuple[Array, list[str]]:
+def _are_line_integrals(values: Array, incident: float) -> bool:
+    """Whether no value is larger than line integrals are, far below the incident counts, and air has the least."""
+    if not np.nanmax(values) <= _LARGEST_LINE_INTEGRAL < incident / 10:
+        return False
+    per_bin = np.median(np.nan_to_num(values).reshape(-1, values.shape[-1]), axis=0)
+    return bool(per_bin[[0, -1]].max() < 0.1 * per_bin.max())
+
+
+def without_faults(measured: Array, counts: Array, incident: Array, electronic_noise: float) -> tuple[Array, list[str]]:
     """Return which of the measured rays tell something, and what readers should know of the others.
 
-    Cells and views that counted nothing but noise in all their rays do not, nor does a ray of no count among many.
+    Cells and views that counted nothing but noise in all their rays do not, nor cells that are stuck at one value, nor
+    does a ray of no count among many.
 
     Args:
         measured: Whether each ray was measured, (views, bins).
         counts: Counts, (views, bins) or a batch of them, any where not measured, quanta.
+        incident: Incident counts, which broadcast to these, quanta.
         electronic_noise: Standard deviation of the electronic noise in a count, quanta.
     """
     told, notes = measured.copy(), []
@@ -157,8 +209,13 @@ def without_faults(measured: Array, counts: Array, electronic_noise: float) -> t
         told[:, bins] = False
         told[dead(along=2)] = False
     if len(bins):
-        named = ", ".join(map(str, bins[:10])) + (" and more" if len(bins) > 10 else "")
-        notes.append(f"Bins that counted nothing but noise in all views were left out as dead: {named}.")
+        notes.append(f"Bins that counted nothing but noise in all views were left out as dead: {_named(bins)}.")
+    alive = np.flatnonzero(told.any(axis=0))
+    p = np.where(told, -np.log(known.clip(_NO_COUNT) / np.where(incident > 0, incident, 1.0)), np.nan)
+    stuck = alive[stuck_cells(p[..., alive])]
+    told[:, stuck] = False
+    if len(stuck):
+        notes.append(f"Bins with one value in all views, unlike those around, were left out as stuck: {_named(stuck)}.")
     lost = told & lost_readings(known, electronic_noise).any(axis=0)
     told &= ~lost
     if lost.any():
@@ -168,6 +225,10 @@ def without_faults(measured: Array, counts: Array, electronic_noise: float) -> t
     if views := int((~told.any(axis=1)).sum()):
         notes.append(f"{views} views in which nothing was measured were left out.")
     return told, notes
+
+
+def _named(bins: Array) -> str:
+    return ", ".join(map(str, bins[:10])) + (" and more" if len(bins) > 10 else "")
 
 
 def _for_rays(array: PathLike | Array, shape: tuple[int, int], name: str) -> NDArray[np.float64]:

@@ -24,15 +24,13 @@ from numpy.typing import NDArray
 from pnpct.arrays import Image, Volume
 from pnpct.files.atomic import atomic_path
 from pnpct.files.errors import FileFormatError, PathLike, existing_file
+from pnpct.files.plausible import check_foreign_image
 from pnpct.files.provenance import Provenance
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu
 
-_LARGEST_HU = 1e6
-"""No matter has as much; files from elsewhere hold it."""
-
-_OTHER_UNIT = 20.0
-"""An image of no larger values has no air, and hardly HU: it may be of 0 to 1, or 1/cm."""
+_IN_MM = {"meter": 1e3, "micron": 1e-3}
+"""Units of lengths that a file may have instead of mm."""
 
 
 def write_nifti(path: PathLike, image_hu: NDArray[np.float64], grid: Grid, provenance: Provenance) -> None:
@@ -94,7 +92,9 @@ def read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
         with warnings.catch_warnings(), np.errstate(all="ignore"), _silent_nibabel():
             warnings.simplefilter("ignore")  # what does not fit is refused below
             voxels, affine, axes, own = _canonical(path)
-    except (ImageFileError, HeaderDataError, EOFError, OSError, ValueError, zlib.error) as error:
+    except MemoryError as error:
+        raise FileFormatError(f"{path} declares more voxels than the memory holds; is it damaged?") from error
+    except (ImageFileError, HeaderDataError, ArithmeticError, EOFError, OSError, ValueError, zlib.error) as error:
         reason = " ".join(str(error).split())
         raise FileFormatError(f"{path}: this is not a complete NIfTI file ({reason}).") from error
     if voxels.ndim != 3 or not voxels.size or not np.isfinite(voxels).all():
@@ -105,14 +105,7 @@ def read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     off_axis = not np.allclose(directions, aligned, rtol=1e-4, atol=1e-4 * spacing)
     if not min(spacing, slice_spacing) > 0 or off_axis or (axes == 2 and voxels.shape[2] != 1):
         raise FileFormatError(f"{path}: square pixels along the patient's axes were needed, got {directions.tolist()}.")
-    low, high = voxels.min(), voxels.max()
-    if not own and -_OTHER_UNIT <= low <= high <= _OTHER_UNIT:
-        raise FileFormatError(
-            f"{path}: HU were needed, where air is -1000, but the values go from {low:g} to {high:g}; are they in "
-            "another unit, such as 0 to 1?"
-        )
-    if not -_LARGEST_HU <= low <= high <= _LARGEST_HU:
-        raise FileFormatError(f"{path}: values from {low:g} to {high:g} are no HU; is the file damaged?")
+    low, high = float(voxels.min()), float(voxels.max())
     # The file has float32: the shortest number with the same float32 is the one that was meant.
     spacing, slice_spacing = float(str(np.float32(spacing))), float(str(np.float32(slice_spacing)))
     middle = affine[:3, 3] + (np.asarray(voxels.shape) - 1) / 2 * [spacing, spacing, slice_spacing]
@@ -120,6 +113,7 @@ def read_nifti(path: PathLike) -> tuple[Image | Volume, Grid]:
     image = from_hu(torch.from_numpy(voxels.transpose(2, 1, 0)[:, ::-1, ::-1].copy())).float()
     slices, rows, cols = image.shape
     plane = ImageGrid(rows, cols, spacing, (0.0 - right, front))
+    check_foreign_image(path, low, high, plane, own=own)
     return (image[0], plane) if axes == 2 else (image, VolumeGrid(plane, slices, slice_spacing, head))
 
 
@@ -142,6 +136,7 @@ def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64]
     nib_: Any = nib  # which has no types here
     nifti = nib_.load(path)
     voxels, affine = np.asarray(nifti.dataobj, dtype=np.float64), np.array(nifti.affine, dtype=np.float64)
+    affine[:3] *= _IN_MM.get(nifti.header.get_xyzt_units()[0], 1.0)
     own = bytes(np.asarray(nifti.header.get("descrip", b"")).item()).startswith(b"pnpct")
     if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:
         return voxels, affine, voxels.ndim, own

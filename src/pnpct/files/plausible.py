@@ -9,7 +9,8 @@ import math
 import numpy as np
 
 from pnpct.arrays import Image, Volume
-from pnpct.geometry import FanBeam
+from pnpct.files.errors import FileFormatError, PathLike
+from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.physics import Scan
 from pnpct.units import to_hu
 
@@ -27,12 +28,56 @@ MOST_TURNS = 3.0
 LEAST_SPAN = math.radians(7.0)
 """Of a scan of ten views and more: a turn in rad that was taken for degrees has 6.3."""
 
+_THICKEST = 0.05
+"""Share of the rays that may be behind more, such as metal."""
+
+_CELLS = 32
+"""Fewer do not see a body."""
+
 BRIGHTER, SHARE = 3.0, 0.05
 """Times the incident counts, which no more than this share of the rays exceed by noise."""
 
 FLAT_HU, LARGEST_HU, TISSUE_HU = 20.0, 35_000.0, 500.0
 """An image has a wider range than ± the first and no larger values than the second; where it has more than the last,
 it has air or fat below zero too."""
+
+MOST_HU = 1e6
+"""Beyond any matter: values above are those of a damaged file, or have a wrong slope."""
+
+SIDES_MM = (1.0, 10_000.0)
+"""Of an image that another program has written."""
+
+DENSEST = 4.0
+"""Of a body that fills what the fan sees, relative to water: aluminium has 3.4."""
+
+
+def check_foreign_image(path: PathLike, low: float, high: float, plane: ImageGrid, *, own: bool = False) -> None:
+    """Check that an image of a file can be one in HU, with pixels in mm.
+
+    Args:
+        path: The file.
+        low: The lowest value.
+        high: The highest value.
+        plane: Where the pixels are.
+        own: Whether pnpct has written it, so that its unit is known.
+
+    Raises:
+        FileFormatError: If values or lengths are of another unit.
+    """
+    if not own and -FLAT_HU <= low <= high <= FLAT_HU:
+        raise FileFormatError(
+            f"{path}: HU were needed, where air is -1000, but the values go from {low:g} to {high:g}; are they in "
+            "another unit, such as 0 to 1?"
+        )
+    if not -MOST_HU <= low <= high <= MOST_HU:
+        raise FileFormatError(f"{path}: values from {low:g} to {high:g} are no HU; is the file damaged?")
+    side = max(plane.shape) * plane.spacing
+    if not own and not SIDES_MM[0] <= side <= SIDES_MM[1]:
+        unit = "m" if side < SIDES_MM[0] else "µm"
+        raise FileFormatError(
+            f"{path}: an image of {side:.3g} mm, where {SIDES_MM[0]:g} to {SIDES_MM[1]:g} mm are usual: are the "
+            f"distances of its pixels in {unit}? They must be in mm."
+        )
 
 
 def doubt_of(scan: Scan) -> str:
@@ -48,7 +93,25 @@ def doubt_of(scan: Scan) -> str:
             f"counts above {BRIGHTER:g} times the incident counts in {share:.0%} of its rays: are these of another "
             "exposure, or have the line integrals the wrong sign?"
         )
-    return ""
+    return _doubt_of_density(scan) if isinstance(scan.geometry, FanBeam) else ""
+
+
+def _doubt_of_density(scan: Scan) -> str:
+    """Find lengths and attenuations whose units do not fit: line integrals that no body of this size has."""
+    incident = scan.incident.expand(scan.counts.shape[-2:])
+    counted = (scan.counts > 0) & scan.measured
+    if scan.geometry.bins < _CELLS or not bool(counted.any()):
+        return ""
+    transmissions = (scan.counts / incident)[counted].cpu().numpy()
+    most = -math.log(float(np.quantile(transmissions, _THICKEST)))
+    size = 2 * scan.geometry.field_of_view_radius
+    density = most / (scan.mu_water * size)
+    if density <= DENSEST:
+        return ""
+    return (
+        f"line integrals up to {most:.3g}, which {size:.3g} mm, all that the fan sees, have where they are filled with "
+        f"{density:.2g} times the attenuation of water: are the lengths in cm, or is mu_water of another energy?"
+    )
 
 
 def _doubt_of_geometry(geometry: FanBeam) -> str:

@@ -1,8 +1,12 @@
-"""The checks that an HDF5 file holds all its data itself, and as much as it declares.
+"""The checks that an HDF5 file holds all its data itself, as much as it declares, and can be read to an end.
 
 HDF5 can leave the values of a dataset in any other file that the reader may open: by external storage, by virtual
 datasets, by external links. A file from elsewhere could so have a private file read, and written out again.
 """
+
+import mmap
+from functools import lru_cache
+from pathlib import Path
 
 import h5py
 
@@ -13,6 +17,46 @@ _LARGEST_RATIO = 1100
 
 _LITTLE = 1 << 18
 """Bytes that any dataset may declare: what is small need not be stored at all."""
+
+
+_HEAP = b"GCOL\x01"
+"""What a global heap collection begins with, where texts of any length are."""
+
+_HEAP_HEADER = 16
+"""Bytes of the header of a collection, and of each object in it, where lengths have 8 bytes."""
+
+
+def check_heaps(path: Path) -> None:
+    """Check that one object follows another wherever texts of any length are kept; else HDF5 reads for ever.
+
+    Raises:
+        OSError: If the file cannot be read.
+        FileFormatError: If an object has no length, or another than there is room for.
+    """
+    state = path.stat()
+    if state.st_size and not _heaps_end(path, state.st_size, state.st_mtime_ns):
+        raise FileFormatError("this file is damaged (a text without its length); copy it again or create it again.")
+
+
+@lru_cache(maxsize=64)
+def _heaps_end(path: Path, length: int, _changed: int) -> bool:
+    with path.open("rb") as file, mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ) as content:
+        at = content.find(_HEAP)
+        while at >= 0:
+            end = at + _number(content, at + 8, 8)
+            here = at + _HEAP_HEADER
+            while end <= length and here + _HEAP_HEADER <= end:
+                free, size = _number(content, here, 2) == 0, _number(content, here + 8, 8)
+                step = size if free else _HEAP_HEADER + -(-size // 8) * 8
+                if not 0 < step <= end - here:
+                    return False
+                here += step
+            at = content.find(_HEAP, at + 1)
+    return True
+
+
+def _number(content: mmap.mmap, at: int, length: int) -> int:
+    return int.from_bytes(content[at : at + length], "little")
 
 
 def check_self_contained(file: h5py.File) -> None:

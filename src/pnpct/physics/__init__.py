@@ -7,7 +7,7 @@ from pnpct.physics.half_turn import column_shift, half_turn_views
 from pnpct.physics.incident_estimate import MOST_QUANTA, estimate_incident
 from pnpct.physics.scan import Moments, Scan, scan_from_moments, simulate_counts
 from pnpct.physics.sinogram import Sinogram, take_log
-from pnpct.physics.unmeasured import dead_cells, lost_readings, unmeasured_and_dead
+from pnpct.physics.unmeasured import dead_cells, lost_readings, stuck_cells, unmeasured_and_dead
 from pnpct.physics.weights import BandedWeights, DiagonalWeights, Weights
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "lost_readings",
     "scan_from_moments",
     "simulate_counts",
+    "stuck_cells",
     "take_log",
     "unmeasured_and_dead",
     "with_bone",

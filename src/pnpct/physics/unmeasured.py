@@ -13,6 +13,7 @@ from pnpct.arrays import ConeRays, Rays
 from pnpct.physics.scan import Scan
 
 _AROUND = 5
+_CELLS_AROUND = 17
 _MANY = 100.0
 """Counts of the rays around one that has none: by chance it has none in 1 of 10⁴³ cases, and metal has an edge."""
 
@@ -75,6 +76,31 @@ def unmeasured_and_dead(parts: Iterable[Scan]) -> tuple[int, NDArray[np.intp]]:
         total = total + part.counts.reshape(used.shape).where(used, 0.0).double().sum(0).numpy()
         rays = rays + used.sum(0).numpy()
     return missing, dead_cells(total, rays, noise)
+
+
+def stuck_cells(line_integrals: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the numbers of the cells that read nearly one value in all views, unlike the cells around them.
+
+    Their spread over the views is below a tenth of the median spread of the 17 cells around, and their median is off
+    that of these by more than 1. Air, which is the same in all views too, has only air around.
+
+    Args:
+        line_integrals: p, (..., views, bins), NaN where not measured; each bin is measured in some view.
+
+    Example:
+        >>> p = np.tile(np.linspace(3.0, 4.0, 20)[:, None], 40)
+        >>> p[:, 30] = 0.5
+        >>> stuck_cells(p).tolist()
+        [30]
+    """
+    p = line_integrals.reshape(-1, line_integrals.shape[-1])
+    if min(p.shape) < _CELLS_AROUND:
+        return np.empty(0, np.intp)
+    spread, level = np.nanstd(p, axis=0), np.nanmedian(p, axis=0)
+    spread_around, level_around = (
+        scipy.ndimage.median_filter(each, _CELLS_AROUND, mode="nearest") for each in (spread, level)
+    )
+    return np.flatnonzero((spread < 0.1 * spread_around) & (np.abs(level - level_around) > 1))
 
 
 def lost_readings(counts: NDArray[np.float64], electronic_noise: float) -> NDArray[np.bool_]:

@@ -87,10 +87,10 @@ def fourier_preconditioner(sinogram: Sinogram, A: Projector, *, levels: int = LE
 
 
 def _seen_by_all_views(A: Projector) -> Tensor:
-    """Return where no view leaves a pixel out: the levels are spread over these."""
+    """Return where no view leaves a pixel out, or everywhere if there is none: the levels are spread over these."""
     radius = np.hypot(A.grid.x, A.grid.y[:, None])
     seen: Tensor = torch.from_numpy(radius <= A.geometry.field_of_view_radius - 2 * A.grid.spacing)
-    return seen
+    return seen if bool(seen.any()) else torch.ones_like(seen)
 
 
 def _spectrum(A: Projector, like: Tensor) -> Tensor:

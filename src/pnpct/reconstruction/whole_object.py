@@ -105,7 +105,7 @@ def beyond_image(whole: Whole) -> Whole:
     An image that no such ray misses stays as it is. The object is sought within a circle about the isocentre.
 
     Raises:
-        ValueError: If the object needs too many pixels of this size.
+        ValueError: If the object needs too many pixels of this size, or pixels that are too large.
     """
     A, grid, geometry = whole.A, whole.A.grid, whole.A.geometry
     p = whole.sinogram.line_integrals
@@ -116,6 +116,11 @@ def beyond_image(whole: Whole) -> Whole:
     bins = (through.double().mean(0) > FEW).cpu().numpy()
     reach = geometry.source_to_isocenter * float(np.abs(np.sin(geometry.fan_angles[bins])).max())
     wide = _around(grid, min(reach + geometry.bin_width_at_isocenter, WIDEST * geometry.source_to_isocenter))
+    if wide.radius >= geometry.source_to_isocenter:
+        raise ValueError(
+            f"Pixels of {grid.spacing:.4g} mm are too large for an object of {2 * reach:.4g} mm: so many as hold it "
+            "reach the focal spot; ask for smaller ones, or for FBP."
+        )
     if wide.rows * wide.cols > LARGEST:
         raise ValueError(
             f"An object of {2 * reach:.4g} mm needs an image of {wide.rows} x {wide.cols} pixels of {grid.spacing:.4g} "

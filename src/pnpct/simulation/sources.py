@@ -8,6 +8,7 @@ import numpy as np
 from pnpct.denoisers import NonlocalMeans
 from pnpct.files import read_dicom_series, read_volume, read_xcist_phantom, sha256_of
 from pnpct.files.errors import existing_file
+from pnpct.files.plausible import doubt_of_image
 from pnpct.files.provenance import sha256_of_files, sha256_of_folder
 from pnpct.geometry import DEFAULT_SIZE, ImageGrid
 from pnpct.simulation.anatomy import ANATOMIES
@@ -77,7 +78,9 @@ def from_files(path: Path, *, size: int = DEFAULT_SIZE, noise_hu: float = 0.0, s
         series = read_dicom_series(path, series_uid=series_uid) if path.is_dir() else read_volume(path)
         denoise = NonlocalMeans(noise_hu / 1000) if noise_hu else None
         side = series.plane.spacing * max(series.plane.shape)
-        return replace(_source(CTBody(series, denoise=denoise), side, size), notes=series.notes)
+        doubt = doubt_of_image(series.image)
+        notes = (*series.notes, f"{path}: {doubt}") if doubt else series.notes
+        return replace(_source(CTBody(series, denoise=denoise), side, size), notes=notes)
     if is_phantom(path):
         if noise_hu:
             raise ValueError(f"{path} is a phantom, which has no noise to remove; leave out its noise.")
