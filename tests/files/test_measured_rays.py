@@ -276,3 +276,8 @@ def test_info_counts_what_was_not_measured_and_names_dead_cells(geometry, tmp_pa
     said = capsys.readouterr().out
     assert f"not measured: {geometry.views} of {geometry.views * geometry.bins}" in said
     assert "seem dead: bins 3 count nothing in any view; import them with --mask" in said
+    assert (
+        main(["reconstruct", str(tmp_path / "scan.h5"), str(tmp_path / "image.h5"), "--method", "fbp", "--size", "16"])
+        == 0
+    )
+    assert "Bins 3 count nothing in any view" in capsys.readouterr().out

@@ -22,7 +22,7 @@ from pnpct.files import read_scan, read_scan_geometry, record_run
 from pnpct.geometry import DEFAULT_SIZE, ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
 from pnpct.operators import Projector
 from pnpct.operators.same_bytes import compute_same_bytes
-from pnpct.physics import Scan, take_log
+from pnpct.physics import Scan, take_log, unmeasured_and_dead
 from pnpct.reconstruction import ADMMState, Method, Slab, check_covered, reconstruct_volume
 
 _OF_TRUTH = "that of the truth in the scan; without one,"
@@ -73,6 +73,10 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
         image, grid, settings = self._image(on_device(scan, device), method)
         provenance = record_run(command, inputs=[self.scan], settings={**settings, "device": device.type})
         self.finish_image(self.image, image, grid, provenance=provenance, scan=self.scan)
+        _, dead = unmeasured_and_dead([scan])
+        if dead.size:
+            bins = ", ".join(map(str, dead))
+            say(f"Bins {bins} count nothing in any view, which makes rings; import them with --mask.")
         for note in settings.get("notes", ()):
             say(note)
 
