@@ -143,6 +143,8 @@ def test_missing_raw_files_are_named(run, suffix):
 def test_values_that_are_not_finite_are_counted(run):
     values = run.line_integrals.copy()
     values[2, 1, 3] = values[0, 1, 0] = values[0, 0, 0] = np.nan
+    values = values.astype(np.float32)
+    values.view(np.uint32)[0, 1, 0] = 0x7F800001  # a NaN that signals: numpy would warn as it converts it
     run.write("prep", values)
     with pytest.raises(FileFormatError, match="holds 2 values that are not finite in row 1"):
         run.read(signal="prep")

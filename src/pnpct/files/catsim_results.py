@@ -138,10 +138,10 @@ def _raw_rows(path: Path, shape: tuple[int | None, int], rows: Sequence[int], co
             f"{path} has {size} bytes, but {wanted} was needed ({count} rows x {bins} columns a view); "
             "it is truncated or of another configuration."
         )
-    values = np.fromfile(path, dtype="<f4").reshape(-1, count, bins)[:, rows].astype(np.float64)
+    values = np.fromfile(path, dtype="<f4").reshape(-1, count, bins)[:, rows]
     if not np.isfinite(values).all():
         where = f"row {rows[0]}" if len(rows) == 1 else f"the rows {rows[0]} to {rows[-1]}"
         raise FileFormatError(
             f"{path} holds {int((~np.isfinite(values)).sum())} values that are not finite in {where}."
         )
-    return values
+    return values.astype(np.float64)  # a NaN that signals would warn here

@@ -90,7 +90,8 @@ class Elements:
         content, kind = self._found(name)
         try:
             if kind or not content.strip(b" \0"):
-                numbers = np.frombuffer(content if kind else b"", kind or "u1").astype(np.float64)
+                with np.errstate(invalid="ignore"):  # a NaN may be one that signals
+                    numbers = np.frombuffer(content if kind else b"", kind or "u1").astype(np.float64)
             else:
                 numbers = np.array([float(part) for part in content.decode("ascii").strip(" \0").split("\\")])
         except ValueError as error:
