@@ -11,9 +11,9 @@ from pnpct.files import load_denoiser
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram, take_log
-from pnpct.reconstruction import PlugAndPlay
+from pnpct.reconstruction import PlugAndPlay, finer_pixels
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
-from pnpct.reconstruction.half_resolution import coarser_grid, doubled, finer_grid, halved
+from pnpct.reconstruction.half_resolution import coarser_grid, doubled, halved
 from pnpct.reconstruction.whole_object import Whole
 from pnpct.simulation import example_scan
 
@@ -45,9 +45,9 @@ def test_edges_are_nearer_to_the_truth_on_the_pixels_that_were_asked_for(chest):
 
 def test_a_grid_and_its_finer_one_have_the_same_borders(chest):
     _, A, truth = chest
-    assert coarser_grid(finer_grid(A.grid)) == A.grid
-    fine = doubled(truth, finer_grid(A.grid).shape)
-    whole = Whole(chest[0], Projector(finer_grid(A.grid), A.geometry, mu_water=A.mu_water), A.grid)
+    assert coarser_grid(A.grid.halved) == A.grid
+    fine = doubled(truth, A.grid.halved.shape)
+    whole = Whole(chest[0], Projector(A.grid.halved, A.geometry, mu_water=A.mu_water), A.grid)
     assert torch.equal(whole.cut_out(fine), halved(fine))
     part = ImageGrid(20, 24, A.grid.spacing, (2 * A.grid.spacing, 0.0))
     assert torch.equal(replace(whole, asked=part).cut_out(fine), halved(fine)[38:58, 38:62])
@@ -59,7 +59,7 @@ def test_a_grid_and_its_finer_one_have_the_same_borders(chest):
 def test_pixels_stay_where_the_denoiser_does_not_know_smaller_ones(chest, denoise):
     whole = Whole(*chest[:2], chest[1].grid)
     assert on_finer_pixels(whole, denoise) is whole
-    assert on_finer_pixels(whole, KNOWING).A.grid == finer_grid(whole.asked)
+    assert on_finer_pixels(whole, KNOWING).A.grid == whole.asked.halved
 
 
 def test_pixels_stay_where_noise_or_streaks_would_be_taken_for_anatomy(chest):
@@ -75,3 +75,18 @@ def test_pixels_stay_where_noise_or_streaks_would_be_taken_for_anatomy(chest):
     rays = Sinogram(sinogram.line_integrals[::6], weights)
     whole = Whole(rays, Projector(A.grid, few, mu_water=A.mu_water), A.grid)
     assert on_finer_pixels(whole, KNOWING) is whole
+
+
+def test_images_of_many_pixels_and_pixels_below_the_cells_of_the_detector_stay(chest, monkeypatch):
+    sinogram, A, _ = chest
+    whole = Whole(sinogram, A, A.grid)
+    half_over_cell = A.grid.halved.spacing / A.geometry.bin_width_at_isocenter
+    for limit, last, beyond in (
+        ("LARGEST", A.grid.rows * A.grid.cols, A.grid.rows * A.grid.cols - 1),
+        ("FINEST", 0.999 * half_over_cell, 1.001 * half_over_cell),
+    ):
+        with monkeypatch.context() as changed:
+            changed.setattr(finer_pixels, limit, last)
+            assert on_finer_pixels(whole, KNOWING).A.grid == A.grid.halved
+            changed.setattr(finer_pixels, limit, beyond)
+            assert on_finer_pixels(whole, KNOWING) is whole

@@ -6,7 +6,6 @@ from pnpct.denoisers import Denoise
 from pnpct.denoisers.learned import DENSEST, LearnedDenoiser
 from pnpct.operators import Projector
 from pnpct.reconstruction.fbp import fbp
-from pnpct.reconstruction.half_resolution import finer_grid
 from pnpct.reconstruction.normal_equations import balanced_sigma_v
 from pnpct.reconstruction.whole_object import Whole
 
@@ -20,7 +19,7 @@ LARGEST = 320**2
 """Pixels of the largest image whose pixels are divided; larger ones would take five times as long, and gain less."""
 
 FINEST = 0.4
-"""Smallest pixels over cells of the detector, at the isocentre; the data know nothing about smaller ones."""
+"""Smallest pixels over cells of the detector, at the isocentre; smaller ones were not tried."""
 
 
 def on_finer_pixels(whole: Whole, denoise: Denoise) -> Whole:
@@ -36,7 +35,7 @@ def on_finer_pixels(whole: Whole, denoise: Denoise) -> Whole:
         denoise: The denoiser of plug-and-play; only learned ones that know their pixels can gain.
     """
     sinogram, A = whole.sinogram, whole.A
-    finer = finer_grid(A.grid)
+    finer = A.grid.halved
     known = isinstance(denoise, LearnedDenoiser) and denoise.finest_pixel and finer.spacing >= denoise.finest_pixel
     pixels, views, bins = A.grid.rows * A.grid.cols, *A.geometry.shape
     enough_rays = views * bins >= pixels and not A.geometry.limited_angle

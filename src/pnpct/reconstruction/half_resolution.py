@@ -69,11 +69,6 @@ def coarser_grid(grid: ImageGrid) -> ImageGrid:
     return ImageGrid(rows // 2, cols // 2, 2 * grid.spacing, center)
 
 
-def finer_grid(grid: ImageGrid) -> ImageGrid:
-    """Return four pixels for each: their `coarser_grid` is the grid itself."""
-    return replace(grid, rows=2 * grid.rows, cols=2 * grid.cols, spacing=grid.spacing / 2)
-
-
 def _paired(geometry: FanBeam) -> tuple[FanBeam, NDArray[np.int64]]:
     """The geometry of the pairs, and the views that make them: (pairs, 1 or 2); a last one alone is its own partner."""
     odd = geometry.bins % 2
