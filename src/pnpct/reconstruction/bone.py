@@ -3,10 +3,11 @@
 from dataclasses import replace
 from functools import lru_cache
 
+from pnpct.arrays import Image, Volume
 from pnpct.denoisers import Gaussian
 from pnpct.geometry import FanBeam
 from pnpct.geometry.tilted_planes import WINDOWS
-from pnpct.operators import Projector
+from pnpct.operators import AnyProjector, Projector
 from pnpct.operators.ray_lines import Method
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.fbp import fbp
@@ -33,15 +34,28 @@ def corrected_for_bone(sinogram: Sinogram, A: Projector) -> Sinogram:
     References:
         Joseph and Spital, J. Comput. Assist. Tomogr. 2 (1978) 100.
     """
-    bone, p, W = sinogram.bone, sinogram.line_integrals, sinogram.weights
-    if bone is None:
+    if sinogram.bone is None:
         return sinogram
     if A.geometry.limited_angle:
         return replace(sinogram, bone=None)
     wide = _of_everything(A.geometry, A.mu_water, A.method)
     whole = beyond_fan(sinogram, wide)
     image = fbp(whole.sinogram.line_integrals, whole.A, kernel="soft")
-    q = wide(bone.in_image(image, Gaussian(BLUR)(image)))
+    return with_bone_of(image, sinogram, wide)
+
+
+def with_bone_of(image: Image | Volume, sinogram: Sinogram, A: AnyProjector) -> Sinogram:
+    """Return line integrals, and their weights, with what they lack behind the bone of a first image.
+
+    Args:
+        image: The first image.
+        sinogram: Line integrals, corrected for water, and weights.
+        A: The projector of the image.
+    """
+    bone, p, W = sinogram.bone, sinogram.line_integrals, sinogram.weights
+    if bone is None:
+        return sinogram
+    q = A(bone.in_image(image, Gaussian(BLUR)(image)))
     if isinstance(W, DiagonalWeights):
         W = DiagonalWeights(W.diagonal / (1 + bone.slope(p, q)).square(), W.range_shape)
     return replace(sinogram, line_integrals=p + bone.lacking(p, q), weights=W, bone=None)
