@@ -51,6 +51,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C, SIGTERM
         or SIGHUP. An exception that is raised from here is a bug.
     """
+    # By default PyTorch's threads go on spinning for milliseconds after their work, on the cores that the projector's
+    # threads then need; asleep at once, they are woken too late. It is read when PyTorch is loaded.
+    os.environ.setdefault("GOMP_SPINCOUNT", "1000")
     try:
         with ended_as_by_ctrl_c():
             run(list(sys.argv[1:] if argv is None else argv))
