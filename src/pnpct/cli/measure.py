@@ -11,6 +11,7 @@ from pnpct.cli.artefact import check_output, finish
 from pnpct.cli.image_input import image_of
 from pnpct.cli.parsing import option
 from pnpct.cli.scores import say_scores
+from pnpct.cli.seeds import generators
 from pnpct.cli.terminal import say, working
 from pnpct.evaluation import PhantomFigures, measure_phantom
 from pnpct.files import record_run
@@ -36,6 +37,10 @@ class Measure:
             8 pixels wide, and uniform material surrounds it out to twice its diameter.
         lesion: Contrast in HU and diameter in mm of a disc to detect, for d′ of the non-prewhitening matched filter,
             without and with an eye filter; its contrast should be near that of --disc.
+        insert: An insert of low contrast to detect: x and y of its centre and its diameter, mm, for d′ of a channelised
+            Hotelling observer. At least 40 images are needed, and the noise should be the same as in the middle of the
+            uniform region.
+        seed: Random seed of the splits and resamples of that observer.
         series: SeriesInstanceUID of the series to read, if the folder holds several.
     """
 
@@ -44,6 +49,8 @@ class Measure:
     uniform: tuple[float, float, float]
     disc: Annotated[tuple[float, float, float] | None, option(default="none")] = None
     lesion: Annotated[tuple[float, float] | None, option(default="none")] = None
+    insert: Annotated[tuple[float, float, float] | None, option(default="none")] = None
+    seed: int = 0
     series: Annotated[str | None, option(metavar="UID", default="the only one")] = None
 
     def run(self, command: Sequence[str]) -> None:
@@ -53,13 +60,19 @@ class Measure:
             image, grid = image_of(self.image, self.series)
             plane = grid.plane if isinstance(grid, VolumeGrid) else grid
             found = measure_phantom(
-                image.reshape(-1, *plane.shape), plane, uniform=self.uniform, disc=self.disc, lesion=self.lesion
+                image.reshape(-1, *plane.shape),
+                plane,
+                uniform=self.uniform,
+                disc=self.disc,
+                lesion=self.lesion,
+                insert=self.insert,
+                generator=generators(self.seed)[0],
             )
         if doubt := doubt_of_image(image):
             say(f"{self.image}: {doubt}")
         say_scores({self.image.name: found.values})
         write_phantom_page(self.page, self.image.name, found)
-        provenance = record_run(command, inputs=[self.image], settings=_settings(found))
+        provenance = record_run(command, inputs=[self.image], seed=self.seed, settings=_settings(found))
         finish(self.page, provenance, summary=f"{len(found.values)} numbers")
 
 
