@@ -285,6 +285,15 @@ def test_nibabel_says_nothing_of_its_own(tmp_path, image, caplog):
     assert not caplog.records
 
 
+def test_a_unit_that_nifti_does_not_know_is_refused(tmp_path, image):
+    write_image(tmp_path / "image.nii", image, GRID, provenance=PROVENANCE)
+    content = bytearray((tmp_path / "image.nii").read_bytes())
+    content[123] = 4
+    (tmp_path / "image.nii").write_bytes(content)
+    with pytest.raises(FileFormatError, match="its distances have a unit of no known code"):
+        read_image(tmp_path / "image.nii")
+
+
 def test_a_missing_file_is_named(tmp_path):
     for suffix in (".h5", ".nii"):
         with pytest.raises(FileNotFoundError, match=f"There is no file .*absent{suffix}"):

@@ -136,7 +136,7 @@ def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64]
     nib_: Any = nib  # which has no types here
     nifti = nib_.load(path)
     voxels, affine = np.asarray(nifti.dataobj, dtype=np.float64), np.array(nifti.affine, dtype=np.float64)
-    affine[:3] *= _IN_MM.get(nifti.header.get_xyzt_units()[0], 1.0)
+    affine[:3] *= _IN_MM.get(_unit(nifti.header), 1.0)
     own = bytes(np.asarray(nifti.header.get("descrip", b"")).item()).startswith(b"pnpct")
     if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:
         return voxels, affine, voxels.ndim, own
@@ -147,3 +147,10 @@ def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64]
         return voxels, affine, axes, own
     turned = nib_.as_closest_canonical(nib_.Nifti1Image(voxels, affine))
     return np.asarray(turned.dataobj), np.asarray(turned.affine), axes, own
+
+
+def _unit(header: Any) -> str:
+    try:
+        return str(header.get_xyzt_units()[0])
+    except KeyError as error:
+        raise ValueError("its distances have a unit of no known code") from error
