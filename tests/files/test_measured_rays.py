@@ -212,6 +212,38 @@ def test_stuck_cells_are_found_and_no_others(line_integrals, change, bins, noise
     assert f"left out as stuck: {', '.join(map(str, bins))}." in made.notes[0]
 
 
+def module_fails(counts):
+    counts[VIEWS // 2 :, 140:172] = 0
+
+
+def edge_fails(counts):
+    counts[: VIEWS // 2, :30] = 0
+
+
+def module_is_noise(counts):
+    counts[VIEWS // 2 :, 140:172] = np.random.default_rng(8).normal(0, 3, (VIEWS - VIEWS // 2, 32))
+
+
+def module_sticks(counts):
+    counts[:, 140:172] = 500
+
+
+def module_saturates(counts):
+    counts[:, 60:92] = 1e5
+
+
+@pytest.mark.parametrize("change", [module_fails, edge_fails, module_is_noise, module_sticks, module_saturates])
+def test_a_module_of_the_detector_that_fails_is_left_out_and_nothing_else(line_integrals, change):
+    """It made water -800, 1024 or -647 HU, without a word."""
+    counts = np.random.default_rng(7).poisson(1e5 * np.exp(-line_integrals)).astype(float)
+    whole = counts.copy()
+    change(counts)
+    made = import_arrays(counts, GEOMETRY, kind="counts", incident=1e5, electronic_noise=3.0, mu_water=MU)
+    lost = ~made.scan.measured.expand(VIEWS, BINS).numpy()
+    assert np.array_equal(lost, counts != whole)
+    assert "were left out as" in made.notes[0]
+
+
 def test_a_mask_the_wrong_way_round_is_doubted(line_integrals):
     mask = np.arange(BINS) == 150
     with pytest.raises(ValueError, match="leaves 180 of 46080 rays: is it the wrong way round"):

@@ -210,16 +210,16 @@ def without_faults(measured: Array, counts: Array, incident: Array, electronic_n
         told[dead(along=2)] = False
     if len(bins):
         notes.append(f"Bins that counted nothing but noise in all views were left out as dead: {_named(bins)}.")
+    lost = told & lost_readings(known, electronic_noise).any(axis=0)
+    told &= ~lost
+    if lost.any():
+        notes.append(f"{int(lost.sum())} rays without counts, among rays of many, were left out as lost.")
     alive = np.flatnonzero(told.any(axis=0))
     p = np.where(told, -np.log(known.clip(_NO_COUNT) / np.where(incident > 0, incident, 1.0)), np.nan)
     stuck = alive[stuck_cells(p[..., alive])]
     told[:, stuck] = False
     if len(stuck):
         notes.append(f"Bins with one value in all views, unlike those around, were left out as stuck: {_named(stuck)}.")
-    lost = told & lost_readings(known, electronic_noise).any(axis=0)
-    told &= ~lost
-    if lost.any():
-        notes.append(f"{int(lost.sum())} rays without counts, among rays of many, were left out as lost.")
     if not told.all():
         notes.append(f"{int((~told).sum())} of {told.size} rays were not measured.")
     if views := int((~told.any(axis=1)).sum()):
