@@ -8,6 +8,7 @@ import torch
 
 from pnpct.cli import main
 from pnpct.files import Provenance, import_arrays, read_scan, scan_from_arrays, write_scan
+from pnpct.files.measured_rays import offset_of_air
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import MOST_QUANTA, Scan, estimate_incident, take_log
@@ -210,6 +211,22 @@ def test_stuck_cells_are_found_and_no_others(line_integrals, change, bins, noise
     made = import_arrays(counts, GEOMETRY, kind="counts", incident=1e5, mu_water=MU)
     assert np.flatnonzero(~made.scan.measured.numpy()).tolist() == bins
     assert f"left out as stuck: {', '.join(map(str, bins))}." in made.notes[0]
+
+
+@pytest.mark.parametrize("offset", [0.1, 0.4, -0.3])
+@pytest.mark.parametrize("noise", [True, False])
+def test_incident_counts_of_another_exposure_are_said(line_integrals, offset, noise):
+    """Water was 11, 42 and -32 HU, and the second one was called an object beyond the fan."""
+    counts = 1e5 * np.exp(-line_integrals)
+    counts = np.random.default_rng(9).poisson(counts).astype(float) if noise else counts
+    made = import_arrays(counts, GEOMETRY, kind="counts", incident=1e5 * np.exp(offset), mu_water=MU)
+    assert offset_of_air(np.log(1e5 * np.exp(offset) / counts)) == pytest.approx(offset, abs=2e-3)
+    assert any(f"the incident counts are {np.exp(offset):.2g}" in note for note in made.notes)
+
+
+@pytest.mark.parametrize("part", [slice(None), slice(64, 192), slice(40, 200), slice(100, 256)])
+def test_rays_through_an_object_that_is_cut_off_are_no_air(line_integrals, part):
+    assert offset_of_air(line_integrals[:, part]) == 0
 
 
 def module_fails(counts):

@@ -47,6 +47,9 @@ MOST_HU = 1e6
 SIDES_MM = (1.0, 10_000.0)
 """Of an image that another program has written."""
 
+LIKE_WATER, _PIXELS = (0.6, 1.35), 1 << 18
+"""The median of an object of soft tissue, relative to water, is within; so many pixels are enough to tell."""
+
 DENSEST = 4.0
 """Of a body that fills what the fan sees, relative to water: aluminium has 3.4."""
 
@@ -129,6 +132,24 @@ def _doubt_of_geometry(geometry: FanBeam) -> str:
     if geometry.views >= 10 and span < LEAST_SPAN:
         return f"view angles over {math.degrees(span):.3g} degrees: are they rad, to be given as view_angles_rad?"
     return ""
+
+
+def doubt_of_object(image: Image) -> str:
+    """Return what is unusual in the attenuation of an object, relative to water, with what may be wrong; else nothing.
+
+    The object is what exceeds 0.3 of the largest values; its median is that of soft tissue in all patients. Wood, foam
+    and aluminium are other than water too, so this says no more than that.
+    """
+    values = image.detach().flatten()[:: max(1, image.numel() // _PIXELS)].double()
+    inside = values[values > 0.3 * values.quantile(0.995)]
+    median = float(inside.median()) if inside.numel() else 0.0
+    if not 0 < median < math.inf or LIKE_WATER[0] <= median <= LIKE_WATER[1]:
+        return ""
+    return (
+        f"an object of {median:.2g} times the attenuation of water (the median). If it is near water: line integrals are "
+        "natural logarithms, those to the base 10 times 2.303; lengths are in mm; and --mu-water is in 1/mm, at the "
+        "energy of the scan."
+    )
 
 
 def doubt_of_image(image: Image | Volume) -> str:

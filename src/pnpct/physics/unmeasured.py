@@ -100,7 +100,7 @@ def stuck_cells(line_integrals: NDArray[np.float64]) -> NDArray[np.intp]:
     """
     p = line_integrals.reshape(-1, line_integrals.shape[-1])
     stuck = np.zeros(p.shape[1], np.bool_)
-    if len(p) < _CELLS_AROUND[0]:
+    if min(p.shape) < _CELLS_AROUND[0]:
         return np.flatnonzero(stuck)
     spread, level = np.nanstd(p, axis=0), np.nanmedian(p, axis=0)
     constant = spread < _NO_SPREAD

@@ -24,7 +24,7 @@ from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
 from pnpct.reconstruction.starting import STRENGTH, around_total_variation, possible, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
-from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
+from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
 
 FIRST = 3.0
 """σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
@@ -75,7 +75,7 @@ class FBP:
         del progress
         whole = beyond_fan(_corrected(sinogram, A), A)
         image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
-        return Reconstruction(image, self.settings, notes=whole.notes)
+        return Reconstruction(image, self.settings, notes=(*whole.notes, *lines_left_out(sinogram, A.geometry)))
 
 
 @dataclass(frozen=True)
