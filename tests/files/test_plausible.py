@@ -20,6 +20,7 @@ def geometry(scale=1.0, **changes):
 
 UNUSUAL = [
     (geometry(1e-3), "a length of 0.57 mm, where 1 to 20000 mm are usual: is it in m?"),
+    (geometry(focal_spot_shifts_mm=[[600, 0], [-600, 0]] * 6), "a focal spot shifted by 600 mm, .* is it in µm?"),
     (geometry(1e6), "a length of 5.7e.08 mm, .* is it in µm or nm?"),
     (geometry(view_angles_rad=list(range(0, 360, 30)), views=None), "view angles over 52.5 turns: are they degrees"),
     (

@@ -19,6 +19,9 @@ DISTANCES_MM = (1.0, 20_000.0)
 
 BIN_WIDTHS_MM = (1e-3, 100.0)
 
+FOCAL_SPOT_SHIFT_MM = 50.0
+"""Flying focal spots move by a few mm."""
+
 MU_WATER = (0.006, 0.1)
 """From 1.3 MeV down to 18 keV, 1/mm."""
 
@@ -126,6 +129,9 @@ def _doubt_of_geometry(geometry: FanBeam) -> str:
         if not least <= length <= most:
             unit = "m" if length < least else "µm or nm"
             return f"a length of {length:g} mm, where {least:g} to {most:g} mm are usual: is it in {unit}?"
+    shift = max((abs(length) for shift in geometry.focal_spot_shifts for length in shift), default=0.0)
+    if shift > FOCAL_SPOT_SHIFT_MM:
+        return f"a focal spot shifted by {shift:g} mm, where {FOCAL_SPOT_SHIFT_MM:g} mm are much: is it in µm?"
     span = float(np.ptp(geometry.view_angles))
     if span > MOST_TURNS * 2 * math.pi:
         return f"view angles over {span / 2 / math.pi:.3g} turns: are they degrees, to be given as view_angles_deg?"
