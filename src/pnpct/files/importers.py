@@ -146,8 +146,8 @@ def import_arrays(
 
 _OFFSET_SAID = (
     "Rays at both ends of the fan have line integrals of {0:.3g} in all views. If they pass through air alone, the "
-    "incident counts are {1:.3g} times those of this scan: give its own (--incident), or subtract {0:.3g} from the line "
-    "integrals."
+    "incident counts are {1:.3g} times those of this scan: give its own (--incident), or subtract {0:.3g} from the "
+    "line integrals."
 )
 
 

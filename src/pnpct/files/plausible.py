@@ -152,9 +152,9 @@ def doubt_of_object(image: Image) -> str:
     if not 0 < median < math.inf or LIKE_WATER[0] <= median <= LIKE_WATER[1]:
         return ""
     return (
-        f"an object of {median:.2g} times the attenuation of water (the median). If it is near water: line integrals are "
-        "natural logarithms, those to the base 10 times 2.303; lengths are in mm; and --mu-water is in 1/mm, at the "
-        "energy of the scan."
+        f"an object of {median:.2g} times the attenuation of water (the median). If it is near water: line integrals "
+        "are natural logarithms, those to the base 10 times 2.303; lengths are in mm; and --mu-water is in 1/mm, at "
+        "the energy of the scan."
     )
 
 

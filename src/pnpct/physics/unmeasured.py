@@ -87,7 +87,8 @@ def stuck_cells(line_integrals: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the numbers of the cells that read nearly one value in all views, unlike the cells around them.
 
     Their spread over the views is below a tenth of the median spread of the 17, 65 or 129 cells around, and their
-    median is off that of these by more than 1; or they have no spread at all where air has noise. Air, which is the same in all views too, has mostly air around.
+    median is off that of these by more than 1; or they have no spread at all where air has noise. Air, which is the
+    same in all views too, has mostly air around.
 
     Args:
         line_integrals: p, (..., views, bins), NaN where not measured; each bin is measured in some view.

@@ -29,8 +29,8 @@ def filled_from_image(sinogram: Sinogram, A: Projector) -> Sinogram:
     A line between the ends of a module misses what lies behind it, such as a bone. The same lines were measured
     from the opposite side, unless the module reaches across the middle of the fan: so they are in the image of filtered
     back-projection, at half their height. Its projection, with the differences at the ends of the module, replaces the
-    rays, and makes the next image. Lines that were measured from neither side are those of total variation of the image.
-    It does nothing where fewer than three bins side by side are interpolated, and on a limited angle, which has no
+    rays, and makes the next image. Where lines were measured from neither side, total variation smooths the image. It
+    does nothing where fewer than three bins side by side are interpolated, and on a limited angle, which has no
     opposite side.
 
     Args:

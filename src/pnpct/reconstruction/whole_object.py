@@ -138,9 +138,9 @@ def beyond_image(whole: Whole) -> Whole:
 
 
 def lines_left_out(sinogram: Sinogram, geometry: FanBeam) -> tuple[str, ...]:
-    """Say that lines through the object were measured by no ray, since the detector is moved aside and the turn not full.
+    """Say that no ray measured some lines through the object, where the detector is moved aside and the turn not full.
 
-    Those beyond the shorter side of the fan are measured once in a turn, and have no opposite side.
+    Lines beyond the shorter side of the fan are measured once in a turn.
     """
     angles = np.sort(np.mod(geometry.view_angles, 2 * math.pi))
     gap = float(np.diff(angles, append=angles[0] + 2 * math.pi).max())
