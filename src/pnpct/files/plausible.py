@@ -144,8 +144,10 @@ def doubt_of_object(image: Image) -> str:
     """Return what is unusual in the attenuation of an object, relative to water, with what may be wrong; else nothing.
 
     The object is what exceeds 0.3 of the largest values; its median is that of soft tissue in all patients. Wood, foam
-    and aluminium are other than water too, so this says no more than that.
+    and aluminium are other than water too, so this says no more than that; and nothing of images of few pixels.
     """
+    if min(image.shape[-2:]) < _CELLS:
+        return ""
     values = image.detach().flatten()[:: max(1, image.numel() // _PIXELS)].double()
     inside = values[values > 0.3 * values.quantile(0.995)]
     median = float(inside.median()) if inside.numel() else 0.0
