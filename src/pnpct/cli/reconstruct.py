@@ -19,6 +19,7 @@ from pnpct.cli.slabs import RaysOfFile, volume_of_slabs
 from pnpct.cli.terminal import say, track, working
 from pnpct.cli.volume_options import VolumeOptions
 from pnpct.files import read_scan, read_scan_geometry, record_run
+from pnpct.files.plausible import doubt_of_object
 from pnpct.geometry import DEFAULT_SIZE, ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
 from pnpct.operators import Projector
 from pnpct.operators.same_bytes import compute_same_bytes
@@ -77,6 +78,8 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
         if dead.size:
             bins = ", ".join(map(str, dead))
             say(f"Bins {bins} count nothing in any view, which makes rings; import them with --mask.")
+        if doubt := doubt_of_object(image):
+            say(f"This is {doubt}")
         for note in settings.get("notes", ()):
             say(note)
 
