@@ -13,6 +13,7 @@ from pnpct.operators import AnyProjector, ConeProjector, Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.covered import covered_slices
+from pnpct.reconstruction.dead_modules import filled_from_image
 from pnpct.reconstruction.reconstructed import Method, Progress, Reconstruction, unwatched
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.volume import reconstruct_volume
@@ -32,7 +33,7 @@ class StartingImage:
         """Return it."""
         del progress
         assert isinstance(A, Projector)
-        whole = beyond_image(beyond_fan(corrected_for_bone(sinogram, A), A))
+        whole = beyond_image(beyond_fan(corrected_for_bone(filled_from_image(sinogram, A), A), A))
         return Reconstruction(whole.cut_out(starting_state(whole.sinogram, whole.A).v), self.settings)
 
 

@@ -72,4 +72,6 @@ def whole_volume(sinogram: Sinogram, A: ConeProjector) -> WholeVolume:
 
 def corrected_for_bone_in(volume: Volume, whole: WholeVolume) -> WholeVolume:
     """Return line integrals, and their weights, as `corrected_for_bone` does, by a first volume."""
+    if whole.A.geometry.limited_angle:
+        return replace(whole, sinogram=replace(whole.sinogram, bone=None))
     return replace(whole, sinogram=with_bone_of(volume, whole.sinogram, whole.A))
