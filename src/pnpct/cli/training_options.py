@@ -11,7 +11,7 @@ from pnpct.training import (
     Form,
     ImagePairs,
     NeighbouringSlices,
-    ReferenceName,
+    Reference,
     SingleScan,
     Supervised,
     TwoStage,
@@ -83,7 +83,7 @@ class TrainingOptions:
     cache: Path | None = None
     lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
-    reference: Annotated[ReferenceName | None, option(default=TwoStage.reference)] = None
+    reference: Annotated[Reference | None, option(default=TwoStage.reference)] = None
     discount: Annotated[float | None, option(default=TwoStage.discount)] = None
 
     def chosen_method(self) -> Supervised | SingleScan | NeighbouringSlices:

@@ -16,7 +16,7 @@ from pnpct.training.losses import (
     stage_two_loss,
     texture_loss,
 )
-from pnpct.training.methods import METHODS, ReferenceName, SingleScan, Supervised, TwoStage
+from pnpct.training.methods import METHODS, SingleScan, Supervised, TwoStage
 from pnpct.training.own_images import ImagePairs, NeighbouringSlices, SlicePairs
 from pnpct.training.pairs import Pair, Pairs
 from pnpct.training.plan import Schedule, TrainingPlan
@@ -43,7 +43,6 @@ __all__ = [
     "Pair",
     "Pairs",
     "Reference",
-    "ReferenceName",
     "Schedule",
     "SingleScan",
     "SlicePairs",

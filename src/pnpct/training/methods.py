@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import torch
 from torch import nn
@@ -36,13 +36,6 @@ from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, train, two_stage
 from pnpct.training.validation import validate
-
-ReferenceName: TypeAlias = Reference | Literal["noise-free"]
-"""As for `Examples`, or each image as it would be without noise, equally blurred."""
-
-QUIET_MA = 1e6
-"""Tube current of a scan with next to no noise, mA: 1 HU in an FBP image."""
-
 
 CPU = torch.device("cpu")
 
@@ -73,7 +66,7 @@ class Supervised(Schedule):
     cache: Path | None = None
     lowest_ma: float = Examples.tube_currents_ma[0]
     highest_ma: float = Examples.tube_currents_ma[1]
-    reference: ReferenceName = Examples.reference
+    reference: Reference = Examples.reference
     discount: float = Pairs.discount
 
     @override
@@ -126,7 +119,7 @@ class Supervised(Schedule):
             raise ValueError(f"{data} has no patients for {split}; simulate more of them.")
         towards: dict[str, Any] = {"reference": self.reference}
         if self.reference == "noise-free":
-            towards = {"reference": QUIET_MA, "make_references": (FBPImages(), loop.undisturbed())}
+            towards["make_references"] = (FBPImages(), loop.undisturbed())
         currents, source = (self.lowest_ma, self.highest_ma), " ".join(_manifests(datasets))
         options = {"seed": self.seed, "tube_currents_ma": currents, "source": source, **towards}
         examples = Examples(files, FBPImages(), (loop,), **options)
