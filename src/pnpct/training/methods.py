@@ -16,7 +16,7 @@ from typing_extensions import override
 
 from pnpct.denoisers import LearnedDenoiser
 from pnpct.denoisers.noise_level import is_noise_conditioned
-from pnpct.files import MANIFEST, Split, read_manifest, read_network, sha256_of
+from pnpct.files import MANIFEST, Split, exposure_pixel, read_manifest, read_network, sha256_of
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 from pnpct.training.cached_examples import CachedExamples
@@ -93,7 +93,9 @@ class Supervised(Schedule):
         drawn = self.examples_from(data, "train", device=device)
         pairs = partial(Pairs, drawn, distinct=self.examples, side=self.side, discount=self.discount)
         epochs, total = self._stages(network, pairs)
-        return TrainingPlan(epochs, total, partial(validate, network, lru_cache(validation)))
+        pixels = [pixel for file in self._files(data, "train") if (pixel := exposure_pixel(file)) is not None]
+        check = partial(validate, network, lru_cache(validation))
+        return TrainingPlan(epochs, total, check, finest_pixel=min(pixels, default=None))
 
     def _stages(self, network: nn.Module, pairs: Callable[..., Pairs]) -> tuple[Callable[..., Iterator[Epoch]], int]:
         dosed = pairs(kind="dose", seed=self.seed + 1)
@@ -113,8 +115,7 @@ class Supervised(Schedule):
             ValueError: If the part is empty, an option is out of range, or the network of the loop is
                 noise-conditioned.
         """
-        loop, datasets = self._loop(device), (data, *self.also)
-        files = [dataset / name for dataset in datasets for name in read_manifest(dataset).files(split)]
+        loop, datasets, files = self._loop(device), (data, *self.also), self._files(data, split)
         if not files:
             raise ValueError(f"{data} has no patients for {split}; simulate more of them.")
         towards: dict[str, Any] = {"reference": self.reference}
@@ -124,6 +125,9 @@ class Supervised(Schedule):
         options = {"seed": self.seed, "tube_currents_ma": currents, "source": source, **towards}
         examples = Examples(files, FBPImages(), (loop,), **options)
         return examples if self.cache is None else CachedExamples(examples, self.cache)
+
+    def _files(self, data: Path, split: Split) -> list[Path]:
+        return [dataset / name for dataset in (data, *self.also) for name in read_manifest(dataset).files(split)]
 
     def _loop(self, device: torch.device) -> LoopImages:
         """The ADMM loop that images are taken from."""
@@ -204,7 +208,7 @@ class SingleScan(Schedule):
             )
         pairs = SplitViewPairs(view_subset_images(scan, grid, self.parts), self.seed, side=self.side)
         options = {"stage": "single-scan", "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
-        return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict)
+        return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict, finest_pixel=grid.spacing)
 
 
 METHODS: dict[str, type[Supervised | SingleScan | NeighbouringSlices]] = {

@@ -17,11 +17,13 @@ class TrainingPlan:
         total: How many epochs there are.
         validate: Returns how far the network is from references now, HU, for inputs of FBP and of the loop; nothing
             where no reference is known.
+        finest_pixel: Smallest pixels of the images that it learns from, mm; None where that is not known.
     """
 
     epochs: Callable[..., Iterator[Epoch]]
     total: int
     validate: Callable[[], dict[str, float]]
+    finest_pixel: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
