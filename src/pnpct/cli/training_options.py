@@ -56,6 +56,8 @@ class TrainingOptions:
         reference: Target of the dose pairs: FBP images of reference scans at this tube current, mA; noise-free, each
             image as it would be without noise, equally blurred; or truth, the phantom itself.
         discount: Power of the noise that noisy pairs are down-weighted by, 0 to 4; 0 weighs all pairs alike.
+        reconstructed: Slices of the patients for validation that are reconstructed around the network after each epoch;
+            their error says what single images cannot, how the network works in the loop.
     """
 
     method: Literal["two-stage", "supervised", "single-scan", "image-pairs", "neighbouring-slices"] = "two-stage"
@@ -85,6 +87,7 @@ class TrainingOptions:
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
     reference: Annotated[Reference | None, option(default=TwoStage.reference)] = None
     discount: Annotated[float | None, option(default=TwoStage.discount)] = None
+    reconstructed: Annotated[int | None, option(default=TwoStage.reconstructed)] = None
 
     def chosen_method(self) -> Supervised | SingleScan | NeighbouringSlices:
         """Return the method with the options that were given.

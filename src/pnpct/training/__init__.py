@@ -1,6 +1,7 @@
 """From scans to the weights of a denoiser: what it learns from, the losses, and the methods."""
 
 from pnpct.training.cached_examples import CachedExamples
+from pnpct.training.closed_loop import ClosedLoop
 from pnpct.training.curves import training_curves
 from pnpct.training.examples import Example, Examples, Reference
 from pnpct.training.images import FBPImages, LoopImages, MakeImages, view_subset_images
@@ -30,6 +31,7 @@ __all__ = [
     "METHODS",
     "TEXTURE_WEIGHT",
     "CachedExamples",
+    "ClosedLoop",
     "Epoch",
     "Example",
     "Examples",

@@ -20,7 +20,8 @@ from pnpct.files import MANIFEST, Split, exposure_pixel, read_manifest, read_net
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 from pnpct.training.cached_examples import CachedExamples
-from pnpct.training.examples import Examples, Reference
+from pnpct.training.closed_loop import ClosedLoop
+from pnpct.training.examples import Example, Examples, Reference
 from pnpct.training.images import FBPImages, LoopImages, view_subset_images
 from pnpct.training.losses import (
     CONTRAST_WEIGHT,
@@ -56,6 +57,8 @@ class Supervised(Schedule):
         reference: Target of the dose pairs: FBP images of reference scans at this tube current, mA; "noise-free", each
             image as it would be without noise, equally blurred; or "truth", the phantom itself.
         discount: Power of the noise that noisy pairs are down-weighted by, 0 to 4.
+        reconstructed: Slices of the patients for validation that are reconstructed around the network after each epoch,
+            and compared with the truth; each takes as long as any reconstruction.
     """
 
     also: tuple[Path, ...] = ()
@@ -68,11 +71,12 @@ class Supervised(Schedule):
     highest_ma: float = Examples.tube_currents_ma[1]
     reference: Reference = Examples.reference
     discount: float = Pairs.discount
+    reconstructed: int = 0
 
     @override
     def settings(self) -> dict[str, Any]:
         settings = super().settings()
-        del settings["cache"]
+        del settings["cache"], settings["reconstructed"]
         denoiser = self.loop_denoiser and read_network(self.loop_denoiser)[1]
         return {**settings, "also": _manifests(self.also), "loop_denoiser": denoiser}
 
@@ -88,13 +92,20 @@ class Supervised(Schedule):
             ValueError: If a part of the data set is empty, an option is out of range, or the network of the loop
                 is noise-conditioned.
         """
+        if self.reconstructed < 0 or (self.reconstructed and is_noise_conditioned(network)):
+            raise ValueError(
+                "Slices are reconstructed around a network without noise level, and none or more of them, got "
+                f"{self.reconstructed}."
+            )
         device = next(network.parameters()).device
         validation = self.examples_from(data, "validation", device=device)
         drawn = self.examples_from(data, "train", device=device)
         pairs = partial(Pairs, drawn, distinct=self.examples, side=self.side, discount=self.discount)
         epochs, total = self._stages(network, pairs)
         pixels = [pixel for file in self._files(data, "train") if (pixel := exposure_pixel(file)) is not None]
-        check = partial(validate, network, lru_cache(validation))
+        held_out = self._files(data, "validation")[: self.reconstructed]
+        tried = ClosedLoop(held_out, (self.lowest_ma, self.highest_ma), self.seed) if held_out else None
+        check = partial(_checked, network, lru_cache(validation), tried)
         return TrainingPlan(epochs, total, check, finest_pixel=min(pixels, default=None))
 
     def _stages(self, network: nn.Module, pairs: Callable[..., Pairs]) -> tuple[Callable[..., Iterator[Epoch]], int]:
@@ -219,6 +230,11 @@ METHODS: dict[str, type[Supervised | SingleScan | NeighbouringSlices]] = {
     "neighbouring-slices": NeighbouringSlices,
 }
 """The methods by their names."""
+
+
+def _checked(D: nn.Module, examples: Callable[[int], Example], tried: ClosedLoop | None) -> dict[str, float]:
+    """How far the network is from references, and plug-and-play around it from the truth if that is asked for."""
+    return validate(D, examples) | (tried(D) if tried else {})
 
 
 def _manifests(datasets: Sequence[Path]) -> list[str]:
