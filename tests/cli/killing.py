@@ -6,7 +6,14 @@ import sys
 from pathlib import Path
 
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
-PROGRAM = [sys.executable, "-c", "import sys; from pnpct.cli import main; sys.exit(main())"]
+PROGRAM = [
+    sys.executable,
+    "-c",
+    # nohup and & let both be ignored
+    "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "signal.signal(signal.SIGHUP, signal.SIG_DFL); "
+    "from pnpct.cli import main; sys.exit(main())",
+]
 
 
 def start(words, **options):

@@ -53,7 +53,7 @@ def kill_often(words: Callable[[Path], list], whole: Path, killed: Path, same: C
     finish(words(whole))
     while kills < KILLS:
         killed.mkdir(exist_ok=True)
-        before, number = times(killed), chance.choice(SIGNALS)
+        before, number = times(killed), SIGNALS[kills % len(SIGNALS)]
         with start(words(killed)) as process:
             while process.poll() is None and times(killed) == before:
                 time.sleep(0.01)

@@ -51,6 +51,8 @@ def test_without_a_disc_there_is_noise_power_alone(phantom: Path, tmp_path: Path
         ("page.html --uniform 60 0 8", "must be in the image"),
         ("page.html --uniform -6 0 8 --lesion 20 5", "transfer of a disc"),
         ("page.html --uniform -6 0 8 --disc -6 0 8", "stronger insert"),
+        ("page.html --uniform -6 0 8 --insert 6 0 8", "at least 40 pairs"),
+        ("page.html --uniform -6 0 8 --insert 60 0 8", "must be in the image"),
         ("page.txt --uniform -6 0 8", ".html"),
     ],
 )

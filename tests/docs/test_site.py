@@ -1,5 +1,7 @@
 """The pages of the documentation site, without its generator: `make site` builds them, and checks their links."""
 
+import ast
+import inspect
 import re
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
@@ -46,6 +48,19 @@ def test_a_file_of_its_own_is_public_but_for_what_begins_with_an_underscore(page
 
 def test_a_function_with_the_name_of_its_file_is_not_taken_for_the_file(pages):
     assert "\n::: pnpct.reconstruction.fbp.fbp\n" in pages["docs/reference/reconstruction.md"]
+
+
+def test_a_public_name_has_an_assignment_of_its_own(site):
+    """What reads the sources for the reference does not see a name among several on the left."""
+    for package in PACKAGES:
+        for origin, names in site.public_names(package).items():
+            targets = [
+                node.targets[0]
+                for node in ast.parse(inspect.getsource(import_module(origin))).body
+                if isinstance(node, ast.Assign)
+            ]
+            among = {name.id for each in targets if isinstance(each, ast.Tuple) for name in each.elts}
+            assert not among.intersection(names), origin
 
 
 def test_every_command_has_its_help(site):

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pnpct.files import FileFormatError, Provenance, import_arrays, read_image, write_image
-from pnpct.files.plausible import doubt_of_image
+from pnpct.files.plausible import doubt_of_image, doubt_of_object
 from pnpct.geometry import ImageGrid
 from pnpct.units import from_hu
 
@@ -20,6 +20,7 @@ def geometry(scale=1.0, **changes):
 
 UNUSUAL = [
     (geometry(1e-3), "a length of 0.57 mm, where 1 to 20000 mm are usual: is it in m?"),
+    (geometry(focal_spot_shifts_mm=[[600, 0], [-600, 0]] * 6), "a focal spot shifted by 600 mm, .* is it in µm?"),
     (geometry(1e6), "a length of 5.7e.08 mm, .* is it in µm or nm?"),
     (geometry(view_angles_rad=list(range(0, 360, 30)), views=None), "view angles over 52.5 turns: are they degrees"),
     (
@@ -143,3 +144,15 @@ def test_an_image_that_looks_like_another_unit_is_doubted_with_the_likely_mistak
     doubt = doubt_of_image(from_hu(torch.linspace(low, high, 64).reshape(8, 8)))
     assert message in doubt
     assert bool(message) == bool(doubt)
+
+
+@pytest.mark.parametrize(("factor", "doubted"), [(1.0, False), (0.8, False), (1 / np.log(10), True), (0.1, True)])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_an_object_unlike_water_is_said_to_be_so(factor, doubted, noise, generator):
+    """Line integrals to the base 10 made water -566 HU without a word."""
+    image = torch.zeros(64, 64)
+    image[10:50, 15:50] = factor
+    image[20:25, 20:30] = 2 * factor
+    doubt = doubt_of_object(image + noise * factor * torch.randn(64, 64, generator=generator))
+    assert ("those to the base 10 times 2.303" in doubt) == doubted
+    assert not doubt_of_object(torch.zeros(64, 64))

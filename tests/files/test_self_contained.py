@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from pnpct.files import FileFormatError, Provenance, describe_file, read_scan, write_scan
+from pnpct.files.self_contained import _TEXT
 from pnpct.physics import Scan
 
 SECRET = np.full((60, 48), 1234.5, dtype=np.float32)
@@ -84,6 +85,17 @@ def test_texts_that_would_be_read_for_ever_are_refused(length, folder):
     content = bytearray((folder / "scan.h5").read_bytes())
     at = content.index(b"GCOL") + 16
     content[at : at + 16] = bytes(8) + length.to_bytes(8, "little")
+    (folder / "scan.h5").write_bytes(content)
+    with pytest.raises(FileFormatError, match=r"this file is damaged .a text without its length"):
+        read_scan(folder / "scan.h5")
+
+
+def test_a_text_that_is_longer_than_its_file_is_refused(folder):
+    """HDF5 would first give it memory: gigabytes, of a scan of a few kilobytes."""
+    content = bytearray((folder / "scan.h5").read_bytes())
+    assert content.count(_TEXT) > 10
+    at = content.index(_TEXT) + len(_TEXT)
+    content[at : at + 4] = (len(content) + 1).to_bytes(4, "little")
     (folder / "scan.h5").write_bytes(content)
     with pytest.raises(FileFormatError, match=r"this file is damaged .a text without its length"):
         read_scan(folder / "scan.h5")

@@ -30,7 +30,9 @@ from readers import READERS, Reader
 from pnpct.cli import main
 
 SECONDS = 5.0
-BLOCKED_AFTER = 60
+BLOCKED_AFTER = 600
+"""Seconds of the clock: other work on the machine may stop this one for a while."""
+
 MEMORY = 2 << 30
 
 

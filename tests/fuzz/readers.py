@@ -181,7 +181,8 @@ READERS = {
     "xcist-zip": reader("phantom.zip", "simulate scan {here}/out/s.h5 --body {here}/phantom.zip " + SCAN),
     "manifest": reader(
         "set",
-        "train {here}/set {here}/out/n.safetensors --size red-cnn " + TRAIN,
+        "train {here}/set {here}/out/n.safetensors --size red-cnn --method supervised --epochs 1 --pairs-per-epoch 1 "
+        "--batch 1 --loop-iterations 1 --loop-images 1",
         damaged="set/manifest.json",
     ),
     "training": reader(

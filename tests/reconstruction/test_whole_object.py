@@ -162,3 +162,12 @@ def test_an_image_of_a_few_large_pixels_is_made_or_refused_in_a_sentence(method,
             method(sinogram, projector)
     else:
         assert bool(method(sinogram, projector).image.isfinite().all())
+
+
+@pytest.mark.parametrize("views", [120, 80])
+@pytest.mark.parametrize("aside", [0.25, 24.0, -24.0])
+def test_a_detector_that_is_moved_aside_needs_a_full_turn(views, aside):
+    geometry = replace(WHOLE, bins=80 if abs(aside) > 1 else 128, detector_offset=aside)[range(views)]
+    notes = FBP()(*prepared(geometry)).notes
+    assert notes == () or "the views leave out 123 degrees: lines through the object" in notes[0]
+    assert bool(notes) == (views == 80 and abs(aside) > 1)

@@ -20,21 +20,21 @@ COMMANDS = {
     "simulate scan": "Simulate a scan of one slice.",
     "simulate dataset": "Simulate a data set of many patients, without noise.",
     "simulate draw": "Draw a noisy scan from a slice of a data set.",
-    "import arrays": "Make a scan from NumPy files of counts or line integrals.",
+    "import arrays": "Make a scan from NumPy or MATLAB files of counts or line integrals.",
     "import catsim": "Make a scan from the raw files of CatSim.",
     "import dicom-ct-pd": "Make a scan from clinical projection data in DICOM.",
-    "train": "Train a denoiser on a data set, in the two stages of the paper, or on one scan.",
-    "reconstruct": "Reconstruct the image of a scan.",
-    "denoise": "Denoise an image.",
-    "evaluate": "Compare an image with the truth.",
+    "train": "Train a denoiser on simulated scans, on a single scan, or on your own images.",
+    "reconstruct": "Reconstruct the image or the volume of a scan.",
+    "denoise": "Denoise an image or a volume.",
+    "evaluate": "Compare an image or a volume with the truth.",
     "measure": "Measure noise, sharpness and detectability on images of a phantom.",
-    "report": "Show a comparison as one HTML page, and its images as panels.",
-    "view": "Write a volume as one HTML page to scroll through.",
-    "compare": "Compare the methods of the paper on the same scans, and report on them.",
-    "info": "Describe a file.",
-    "doctor": "Describe this installation, for a report of a bug.",
-    "completion": "Write a script for bash, zsh or fish that completes what is typed.",
-    "demo": "Simulate, reconstruct and evaluate one low-dose slice, in minutes.",
+    "report": "Show a comparison as an HTML page, and its images as a figure.",
+    "view": "Write a volume as an HTML page to scroll through.",
+    "compare": "Compare the methods of the paper, and your own, on the same scans.",
+    "info": "Describe a scan or an image.",
+    "doctor": "Describe this installation, for a bug report.",
+    "completion": "Write a completion script for bash, zsh or fish.",
+    "demo": "Simulate, reconstruct and evaluate a low-dose slice, in minutes.",
 }
 """The commands, each in the module of its name with _ between words, which is imported only when it is needed."""
 
@@ -51,6 +51,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status: 0, 2 after an error that one line on stderr has explained, 130 after Ctrl-C, SIGTERM
         or SIGHUP. An exception that is raised from here is a bug.
     """
+    # By default PyTorch's threads go on spinning for milliseconds after their work, on the cores that the projector's
+    # threads then need; asleep at once, they are woken too late. It is read when PyTorch is loaded.
+    os.environ.setdefault("GOMP_SPINCOUNT", "1000")
     try:
         with ended_as_by_ctrl_c():
             run(list(sys.argv[1:] if argv is None else argv))

@@ -20,15 +20,15 @@ from pnpct.comparison import PaperMethods, Phantoms, Study, compare, imported_me
 class Compare(PaperMethods, Study):
     """Compare the methods of the paper, total variation, blurred FBP and your own on the same scans.
 
-    The folder gets all images, metrics.json, metrics.csv, report.html, and panel.png and .svg. If it is interrupted and
-    started again, it continues.
+    All images, metrics.json, metrics.csv, report.html, panel.png and panel.svg are written to the folder. An
+    interrupted run continues when it is started again.
 
     Args:
-        folder: Output folder; it is created.
-        scans: Scans, or slices of a data set (exposures) that scans are drawn from.
-        method: Compare a method of your own too: a callable (sinogram, A) that can be imported from the working
-            directory or an installed package, a mapping from names to several, or a function that returns either.
-        processes: Cases, and then methods on phantoms, that run in parallel.
+        folder: Output folder; it is created if need be.
+        scans: Scans, or slices of a data set (exposures) from which scans are drawn.
+        method: Another method to compare, of your own: a callable (sinogram, A), a mapping from names to several, or a
+            function that returns either, importable from the working directory or an installed package.
+        processes: Number of cases, and then of methods on phantoms, that run in parallel.
         cluster: Address of the scheduler of a Dask cluster, whose workers run them.
     """
 

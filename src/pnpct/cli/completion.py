@@ -16,9 +16,9 @@ from pnpct.cli.terminal import say, working
 
 @dataclass(frozen=True)
 class Completion:
-    """Write a script that completes commands, options and their choices, and names of files elsewhere.
+    """Write a script with which a shell completes commands, options and their choices, and otherwise file names.
 
-    Store it where the shell looks for it, once for each version of pnpct:
+    Save it where the shell looks for it, again after each update of pnpct:
 
     pnpct completion bash > ~/.local/share/bash-completion/completions/pnpct
 

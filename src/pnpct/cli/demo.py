@@ -38,16 +38,16 @@ class Demo:
     """Simulate, reconstruct and evaluate one low-dose slice, in minutes.
 
     A chest is reconstructed by filtered back-projection with two kernels, by penalised weighted least squares with
-    total variation, and by plug-and-play ADMM with the network that was trained in two stages. comparison.png shows the
-    truth, the better of the two FBP images, and the others.
+    total variation, and by plug-and-play ADMM with the two-stage network. comparison.png shows the truth beside the
+    better of the two FBP images and the other two.
 
     Args:
-        folder: Output folder; it is created.
-        quick: Take half of the views, detector cells, rows and columns: less than a minute.
+        folder: Output folder; it is created if need be.
+        quick: Half as many views, detector cells, rows and columns: takes less than a minute.
         tube_current_ma: Tube current, mA.
         views: Views of the scan.
         size: Rows and columns of the images.
-        seed: Seed of the patient and of the noise.
+        seed: Random seed of the patient and of the noise.
     """
 
     folder: Positional[Path] = Path("demo")

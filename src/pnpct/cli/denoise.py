@@ -26,18 +26,18 @@ class Denoise(DenoiserOptions, ImageOptions):
     """Denoise an image, or each slice of a volume.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz, or .npz with hu [slices, rows, cols], z_mm and spacing_mm, or a folder
-            with a CT series in DICOM; pnpct's networks expect FBP with the sharpest kernel (ram-lak).
-        denoised: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at; a name without
-            a suffix, or with a slash at its end, is a folder for a DICOM series, which keeps the patient, the study
-            and the positions of a series that was read.
-        series: SeriesInstanceUID of the series to read, where the folder holds several.
-        device: Where to compute; auto takes a CUDA device if there is one.
+        image: The image: .h5, .nii, .nii.gz, .npz with hu [slices, rows, cols], z_mm and spacing_mm, or a folder with a
+            DICOM CT series. pnpct's networks expect FBP with the sharpest kernel (ram-lak).
+        denoised: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at. A name without
+            a suffix, or one that ends with a slash, is a folder for a DICOM series, which keeps the patient, the study
+            and the slice positions of the series that was read.
+        series: SeriesInstanceUID of the series to read, if the folder holds several.
+        device: Where to compute; auto uses a CUDA device if there is one.
     """
 
     image: Positional[Path]
     denoised: Positional[Path]
-    series: Annotated[str | None, option(metavar="UID")] = None
+    series: Annotated[str | None, option(metavar="UID", default="the only one")] = None
     device: DeviceName = "auto"
 
     def run(self, command: Sequence[str]) -> None:

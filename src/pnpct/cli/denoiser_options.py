@@ -19,16 +19,16 @@ class DenoiserOptions:
 
     Args:
         denoiser: A network that comes with pnpct, the file of a trained network, a classical denoiser, or one of your
-            own, by where it can be imported from.
-        strength: How much a classical denoiser smooths, each in its own unit.
-        noise_level_hu: Standard deviation of the noise, HU, for noise-conditioned networks.
-        passes: How often a network is applied, 1 to 4; more passes remove more noise, and some fine detail.
-        bfloat16: Let a network compute in bfloat16, about twice as fast on hardware that supports it.
+            own as module:name.
+        strength: How strongly a classical denoiser smooths, each in its own unit.
+        noise_level_hu: Standard deviation of the noise, HU, for networks that are noise-conditioned.
+        passes: How many times a network is applied, 1 to 4; more passes remove more noise, and some fine detail.
+        bfloat16: Let the network compute in bfloat16: about twice as fast on hardware that supports it.
     """
 
     denoiser: Annotated[str | None, option(default=DEFAULT_DENOISER, metavar=_NAMES)] = None
     strength: Annotated[float | None, option(default=_STRENGTHS)] = None
-    noise_level_hu: float | None = None
+    noise_level_hu: Annotated[float | None, option(default="none")] = None
     passes: Annotated[float | None, option(default=1)] = None
     bfloat16: bool = False
 

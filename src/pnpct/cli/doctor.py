@@ -28,7 +28,7 @@ _FEATURES = ("avx2", "avx512f", "fma", "neon")
 class Doctor:
     """Describe this installation: versions, processor, devices, compiled kernels, and the time of a projection.
 
-    What it says belongs in a report of a bug.
+    Include what it prints when you report a bug.
     """
 
     def run(self, command: Sequence[str]) -> None:  # noqa: ARG002 - no file is written that would record it

@@ -28,26 +28,26 @@ from pnpct.files.plausible import doubt_of_image
 class Evaluate:
     """Compare an image or a volume with the truth.
 
-    Errors are in HU: over the whole image, the body and soft tissue, and by HU range of the truth. psnr (dB) and ssim
-    in the body have the level and width of their window in their names. The scores of ldct-benchmark in its three
-    windows and of LoDoPaB on whole slices follow, the earth mover's distance between the histograms of the body, and
-    the texture (GLCM) of soft-tissue patches. Tissues that the truth lacks have no number. Values that look like
-    another unit are named.
+    Errors are in HU, over the whole image, the body, soft tissue and ranges of HU of the truth. The names of PSNR (dB)
+    and SSIM in the body include the level and width of their window. There follow the scores of ldct-benchmark in its
+    three windows and of LoDoPaB on whole slices, the earth mover's distance between the histograms of the body, and the
+    texture (GLCM) of patches of soft tissue. A tissue that the truth does not have gets no number. Values that look as
+    if they were in another unit are pointed out.
 
     Args:
-        image: The image, .h5, .nii or .nii.gz, or .npz with hu [slices, rows, cols], z_mm and spacing_mm, or a folder
-            with a CT series in DICOM.
-        truth: The truth, on the same grid: an image or a series likewise, or a scan with its truth inside.
+        image: The image: .h5, .nii, .nii.gz, .npz with hu [slices, rows, cols], z_mm and spacing_mm, or a folder with a
+            DICOM CT series.
+        truth: The truth on the same grid: an image or a series as above, or a scan that holds its truth.
         numbers: File for the numbers, .json; they are printed in any case.
-        series: SeriesInstanceUID of the image, where its folder holds several series.
-        truth_series: SeriesInstanceUID of the truth, likewise.
+        series: SeriesInstanceUID of the image, if its folder holds several series.
+        truth_series: SeriesInstanceUID of the truth, if its folder holds several series.
     """
 
     image: Positional[Path]
     truth: Positional[Path]
-    numbers: Positional[Path | None] = None
-    series: Annotated[str | None, option(metavar="UID")] = None
-    truth_series: Annotated[str | None, option(metavar="UID")] = None
+    numbers: Annotated[Positional[Path | None], option(default="none")] = None
+    series: Annotated[str | None, option(metavar="UID", default="the only one")] = None
+    truth_series: Annotated[str | None, option(metavar="UID", default="the only one")] = None
 
     def run(self, command: Sequence[str]) -> None:
         """Compare, print the numbers, and write them."""

@@ -18,9 +18,9 @@ class ImageOptions:
 
     Args:
         window: Level and width of the window of a PNG, HU.
-        body_part: Body part of a DICOM series, such as CHEST.
-        patient_of: Folder of DICOM files, such as the scanner's own images, from which a DICOM series takes patient and
-            study.
+        body_part: Body part to state in a DICOM series, such as CHEST.
+        patient_of: Folder of DICOM files, such as the scanner's own images, whose patient and study a DICOM series
+            takes.
     """
 
     window: Annotated[tuple[float, float] | None, option(default="{:g} {:g}".format(*WINDOW))] = None

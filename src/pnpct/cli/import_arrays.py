@@ -18,22 +18,23 @@ from pnpct.units import MU_WATER_70_KEV
 class ImportArrays:
     """Make a scan from NumPy or MATLAB files of counts or line integrals, and a geometry in JSON.
 
-    Name one of several arrays in a file as in scan.npz:counts. pnpct.files.geometry_json lists the geometry's keys.
+    To name one of several arrays in a file, write scan.npz:counts. pnpct.files.geometry_json lists the keys of the
+    geometry.
 
     Args:
-        array: Counts or line integrals, views x bins, .npy, .npz or .mat.
-        geometry: The geometry, .json, or a .mat file of HelTomo (such as the Helsinki Tomography Challenge).
+        array: Counts or line integrals, views x bins, in .npy, .npz or .mat.
+        geometry: The geometry in .json, or a .mat file of HelTomo (as in the Helsinki Tomography Challenge).
         scan: File for the scan, .h5.
-        incident: Counts expected without an object (air): a number, or a file with one for each bin, view or
-            ray. For line integrals it may be left out: FBP needs none, and for weights it is estimated from the noise.
-        kind: What the array holds; line integrals are -ln(counts/incident).
-        mask: File with 0 where a ray was not measured, else 1: for each bin, view or ray. Rays that are NaN or have an
-            incident of 0 were not measured either.
-        electronic_noise: Standard deviation of the electronic noise of a count, quanta.
-        mu_water: Attenuation of water at the effective energy, 1/mm; the default is its value at 70 keV.
-        beam_hardening: File of the correction's coefficients, bins x powers, highest power first.
-        signal_per_quantum: Signal of one quantum, in the unit of counts and incident; 1 if these are quanta.
-        insist: Take numbers that look like a mistake, such as lengths in another unit.
+        incident: Counts in air, without an object: a number, or a file with one value per bin, view or ray. It may be
+            left out for line integrals: FBP does not need it, and the weights are then estimated from the noise.
+        kind: What the array contains; line integrals are -ln(counts/incident).
+        mask: File with 0 where a ray was not measured and 1 elsewhere, per bin, view or ray. Rays that are NaN or have
+            no incident counts are left out in any case.
+        electronic_noise: Standard deviation of the electronic noise per count, quanta.
+        mu_water: Attenuation coefficient of water at the effective energy, 1/mm.
+        beam_hardening: File with the coefficients of the water correction, bins x powers, highest power first.
+        signal_per_quantum: Detector signal per quantum, in the unit of the counts; 1 if they are quanta already.
+        insist: Accept values that look like a mistake, such as lengths in another unit.
     """
 
     array: Positional[Path]
@@ -45,7 +46,7 @@ class ImportArrays:
     mask: Annotated[Path | None, option(default="all were measured")] = None
     kind: Literal["line-integrals", "counts"] = "line-integrals"
     electronic_noise: float = 0.0
-    mu_water: float = MU_WATER_70_KEV
+    mu_water: Annotated[float, option(default=f"{MU_WATER_70_KEV:.5f}, at 70 keV")] = MU_WATER_70_KEV
     beam_hardening: Annotated[Path | None, option(default="no correction")] = None
     signal_per_quantum: float = 1.0
     insist: bool = False

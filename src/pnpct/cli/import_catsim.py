@@ -16,19 +16,20 @@ from pnpct.units import MU_WATER_70_KEV
 
 @dataclass(frozen=True)
 class ImportCatsim:
-    """Make a scan from the raw files of CatSim: one detector row of an axial scan, or all rows of any.
+    """Make a scan from the raw files of CatSim: one detector row of an axial scan, or all rows of any scan.
 
     Args:
-        prefix: Path of the raw files without .scan, .prep, .air or .offset.
+        prefix: Path of the raw files, without .scan, .prep, .air or .offset.
         scan: File for the scan, .h5.
-        configuration: CatSim's configuration files, later ones overriding earlier ones; or one JSON file with its keys.
-        signal: raw takes .scan, .air and .offset; prep takes .prep, in which CatSim has corrected low signals.
-        detector_row: Index of the row, from 0.
-        all_rows: Read all rows, of an axial or a helical scan.
+        configuration: CatSim's configuration files, of which later ones override earlier ones; or one JSON file with
+            the same keys.
+        signal: raw reads .scan, .air and .offset; prep reads .prep, in which CatSim has already corrected low signals.
+        detector_row: Index of the detector row, from 0.
+        all_rows: Read all detector rows, of an axial or a helical scan.
         kev_per_quantum: Energy that counts as one quantum, keV.
-        incident: Quanta per ray without an object.
-        mu_water: Attenuation of water at the effective energy, 1/mm; the default is its value at 70 keV.
-        beam_hardening: NumPy file of the correction's coefficients, columns x powers, highest power first.
+        incident: Quanta per ray in air, without an object.
+        mu_water: Attenuation coefficient of water at the effective energy, 1/mm.
+        beam_hardening: NumPy file with the coefficients of the water correction, columns x powers, highest power first.
     """
 
     prefix: Positional[Path]
@@ -39,7 +40,7 @@ class ImportCatsim:
     all_rows: bool = False
     kev_per_quantum: float = 70.0
     incident: Annotated[float | None, option(default="those of the air scan")] = None
-    mu_water: float = MU_WATER_70_KEV
+    mu_water: Annotated[float, option(default=f"{MU_WATER_70_KEV:.5f}, at 70 keV")] = MU_WATER_70_KEV
     beam_hardening: Annotated[Path | None, option(default="no correction")] = None
 
     def run(self, command: Sequence[str]) -> None:

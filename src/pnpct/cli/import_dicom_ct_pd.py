@@ -37,15 +37,15 @@ _AGREEMENT = 0.4
 class ImportDicomCtPd:
     """Make a scan from a folder of clinical projection data in DICOM-CT-PD, one view in each file.
 
-    The headers of all files are read first, then the pixels; a few views at a time are in memory.
+    The headers of all files are read first, then the pixels, of which only a few views are in memory at a time.
 
     Args:
-        folder: The folder with the files of one series.
+        folder: Folder with the files of one series.
         scan: File for the scan, .h5.
-        incident: Quanta of a ray without object at the mean tube current; each view has them by its own tube current.
-        electronic_noise: Standard deviation of the electronic noise of a count, quanta, which the files do not state.
-        mu_water: Attenuation of water at the effective energy, 1/mm.
-        central_column: Column of the central ray, counted from 1 in the order of the pixels.
+        incident: Quanta per ray in air at the mean tube current; each view is scaled by its own tube current.
+        electronic_noise: Standard deviation of the electronic noise per count, quanta; the files do not state it.
+        mu_water: Attenuation coefficient of water at the effective energy, 1/mm.
+        central_column: Detector column of the central ray, counted from 1 in the order of the pixels.
     """
 
     folder: Positional[Path]

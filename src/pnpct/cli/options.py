@@ -26,16 +26,17 @@ class MethodOptions(DenoiserOptions):
     """The method and its options; None where not given, since an option that is given must have an effect.
 
     Args:
-        method: fbp is filtered back-projection, pnp plug-and-play ADMM, tv weighted least squares with total variation,
-            whose --strength is relative to the noise, in pixels.
+        method: fbp is filtered back-projection, pnp is plug-and-play ADMM, tv is weighted least squares with total
+            variation; the --strength of tv is in pixels, relative to the noise.
         kernel: Reconstruction kernel of fbp, from sharp to smooth.
-        sigma_v: Standard deviation to which pnp trusts the denoised image, HU: the smaller, the smoother.
-        damping: Fraction of the dual variable that pnp drops in each iteration; the paper's ADMM has 0.
+        sigma_v: How closely pnp follows the denoised image, as a standard deviation in HU: smaller is smoother.
+        damping: Fraction of the dual variable that pnp drops in each iteration; 0 is the paper's ADMM.
         iterations: Maximum number of iterations of pnp and tv.
         solver: Solver of the data step of pnp.
-        inner_iterations: Minimum steps of the solver per iteration of pnp; it takes more while its residual is large.
-        stop: Stopping rule of pnp and tv: relative stops at convergence, where x and v agree, which they do not with
-            the networks that come with pnpct; paper stops after a few iterations.
+        inner_iterations: Minimum number of solver steps per iteration of pnp; more are taken while the residual is
+            large.
+        stop: Stopping rule of pnp and tv. relative stops once x and v agree; with networks they never quite do, and all
+            iterations are run. paper stops after a few iterations.
     """
 
     method: Literal["fbp", "pnp", "tv"] = "pnp"

@@ -19,6 +19,7 @@ from pnpct.cli.slabs import RaysOfFile, volume_of_slabs
 from pnpct.cli.terminal import say, track, working
 from pnpct.cli.volume_options import VolumeOptions
 from pnpct.files import read_scan, read_scan_geometry, record_run
+from pnpct.files.plausible import doubt_of_object
 from pnpct.geometry import DEFAULT_SIZE, ConeBeam, ImageGrid, TiltedPlanes, VolumeGrid
 from pnpct.operators import Projector
 from pnpct.operators.same_bytes import compute_same_bytes
@@ -32,18 +33,18 @@ _OF_TRUTH = "that of the truth in the scan; without one,"
 class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
     """Reconstruct the image of a scan, or the volume of a scan with several detector rows.
 
-    Slices of a volume are written when they are done, to a folder beside the output. If the command is interrupted and
-    started again it goes on from there; at the end the folder becomes the output.
+    Finished slices of a volume are kept in a folder beside the output, which becomes the output in the end. When an
+    interrupted command is started again, it goes on from there.
 
     Args:
         scan: The scan, .h5.
-        image: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at; a name without a
-            suffix, or with a slash at its end, is a folder for a DICOM series.
+        image: Output: .h5 for further processing, .nii or .nii.gz (HU) for viewers, .png to look at. A name without a
+            suffix, or one that ends with a slash, is a folder for a DICOM series.
         size: Rows and columns of the image.
         field_of_view: Width of the image, mm.
-        center: Middle of the image, x and y in mm; of a volume perhaps z too.
-        insist: Take a field of view that looks like a mistake of units.
-        device: Where to compute; auto takes a CUDA device if there is one.
+        center: Centre of the image, x and y in mm, and optionally z for a volume.
+        insist: Accept a field of view that looks like a mistake of units.
+        device: Where to compute; auto uses a CUDA device if there is one.
     """
 
     scan: Positional[Path]
@@ -77,6 +78,8 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
         if dead.size:
             bins = ", ".join(map(str, dead))
             say(f"Bins {bins} count nothing in any view, which makes rings; import them with --mask.")
+        if doubt := doubt_of_object(image):
+            say(f"This is {doubt}")
         for note in settings.get("notes", ()):
             say(note)
 

@@ -18,13 +18,13 @@ from pnpct.report import panel_rows, write_panels, write_report
 class Report:
     """Show a comparison as one HTML page that works offline.
 
-    The page has the images, all numbers and the results of all checks. Beside it panel.png and panel.svg show
-    the images for a paper.
+    The page shows the images, all numbers and the results of all checks. Beside it, panel.png and panel.svg show the
+    images as a figure for a paper.
 
     Args:
         folder: Folder of the comparison, with metrics.json and the images.
-        report: File for the page, .html; report.html in the folder if not given.
-        level: Level of the window in which images are first shown, HU.
+        report: File for the page, .html.
+        level: Level of the window in which the images are first shown, HU.
         width: Width of that window, HU.
     """
 

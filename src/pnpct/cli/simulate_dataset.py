@@ -20,34 +20,34 @@ from pnpct.simulation import ANATOMIES, Recipe, Simulator, plan, simulate_datase
 class SimulateDataset:
     """Simulate a data set of many patients, each slice without noise and at several tube voltages.
 
-    Noisy scans at any tube current are drawn from it later, by training or by `pnpct simulate draw`. Patients are split
-    into train, validation and test. If it is interrupted and started again, it continues.
+    Training and `pnpct simulate draw` later draw noisy scans from it, at any tube current. Patients are split into
+    training, validation and test. An interrupted run continues when it is started again.
 
     Args:
-        folder: Output folder; it is created.
+        folder: Output folder; it is created if need be.
         anatomy: Body regions of the procedural patients, separated by commas.
         cases: Number of procedural patients.
-        body: Further patients: folders with a DICOM CT series, volumes of HU (.npz), XCIST phantoms (.json, .zip).
-        noise_hu: Standard deviation of the noise to remove from CT series, HU.
-        scale: Least and largest factor by which patients are resized; none becomes larger than the field of view.
-        stations: Axial scans of each patient, spread over its length.
-        rows: Detector rows; each gives a slice, 0.625 mm from the next.
+        body: Further patients: folders with a DICOM CT series, volumes in HU (.npz) or XCIST phantoms (.json, .zip).
+        noise_hu: Noise in the CT series, which is removed before they are scanned: its standard deviation, HU.
+        scale: Smallest and largest factor by which patients are scaled; none is made larger than the field of view.
+        stations: Axial scans per patient, spread over the length of the body.
+        rows: Detector rows; each gives one slice, 0.625 mm from the next.
         tube_voltages_kvp: Peak tube voltages of each scan, 70 to 140 kVp.
-        simulator: pnpct's own, or CatSim where gecatsim is installed.
+        simulator: pnpct's own simulator, or CatSim if gecatsim is installed.
         views: Views per rotation.
         bins: Detector cells along the arc.
-        size: Rows and columns of the truth; the phantom that is scanned has pixels of half the size.
-        validation: Fraction of the patients that is held out for validation.
-        test: Fraction of the patients that is held out for testing.
-        seed: Seed of everything random.
-        processes: Scans that are simulated in parallel.
-        cluster: Address of the scheduler of a Dask cluster, whose workers simulate them.
+        size: Rows and columns of the truth; the phantom itself has pixels of half that size.
+        validation: Fraction of the patients held out for validation.
+        test: Fraction of the patients held out for testing.
+        seed: Random seed.
+        processes: Number of scans simulated in parallel.
+        cluster: Address of the scheduler of a Dask cluster, whose workers simulate the scans.
     """
 
     folder: Positional[Path]
     anatomy: Annotated[str, option(metavar="NAME,NAME,...")] = ",".join(ANATOMIES)
     cases: int = Recipe.cases
-    body: tuple[Path, ...] = ()
+    body: Annotated[tuple[Path, ...], option(default="none")] = ()
     noise_hu: float = Recipe.noise_hu
     scale: tuple[float, float] = Recipe.scale
     stations: int = Recipe.stations

@@ -17,7 +17,7 @@ from pnpct.simulation import TUBE_CURRENT_MA
 class SimulateDraw:
     """Draw a noisy scan from a slice of a data set.
 
-    The slice was simulated without noise; another seed gives another scan of the same patient. The scan contains the
+    The slice was simulated without noise; each seed gives another scan of the same patient. The scan file holds the
     truth.
 
     Args:
@@ -25,7 +25,7 @@ class SimulateDraw:
         scan: File for the scan, .h5.
         tube_current_ma: Tube current, mA, at a rotation time of one second.
         tube_voltage_kvp: Tube voltage, one of those of the data set, kVp.
-        seed: Seed of the noise.
+        seed: Random seed of the noise.
     """
 
     exposures: Positional[Path]

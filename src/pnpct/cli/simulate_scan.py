@@ -42,32 +42,34 @@ FINE = Sampling(columns=2, focal_spot=(2, 2), views=2)
 class SimulateScan:
     """Simulate a scan of one slice.
 
-    A modern clinical scanner scans a procedural patient, a different one for every seed, or a patient read from files.
-    The scan contains the truth.
+    The scanner is like a modern clinical one. The patient is procedural, another one for each seed, or read from files.
+    The scan file holds the truth too.
 
     Args:
         scan: File for the scan, .h5.
         anatomy: Body region of a procedural patient.
-        body: A folder with a DICOM CT series, a volume in HU (.npz) or an XCIST phantom (.json, .zip) instead.
-        series: SeriesInstanceUID of the series of --body to read, where its folder holds several.
+        body: Patient to scan instead: a folder with a DICOM CT series, a volume in HU (.npz) or an XCIST phantom
+            (.json, .zip).
+        series: SeriesInstanceUID of the series to read, if the folder of --body holds several.
         z: Height of the slice, mm.
-        noise_hu: Standard deviation of the noise to remove from a CT series, HU.
-        tube_current_ma: Tube current, mA, at a rotation time of one second; 40 is low dose, 200 routine dose.
+        noise_hu: Noise in the CT series, which is removed before the scan is simulated: its standard deviation, HU.
+        tube_current_ma: Tube current, mA, for a rotation time of one second; 40 is a low dose, 200 a routine one.
         tube_voltage_kvp: Peak tube voltage, 70 to 140 kVp.
-        bowtie: Bow-tie filter, for large, medium or small bodies.
-        detector: Kind of detector.
-        crosstalk: Fraction of a cell's x-rays that is detected in each of its neighbours.
-        blur: Average over the focal spot, the detector cells and the rotation during a view; ten times slower.
+        bowtie: Bow-tie filter, for a large, medium or small body.
+        detector: Type of detector.
+        crosstalk: Fraction of the x-rays of a detector cell that each of its neighbours detects.
+        blur: Model the blur of the focal spot, the detector cells and the rotation during a view; takes ten times as
+            long.
         views: Views per rotation.
         bins: Detector cells along the arc.
-        size: Rows and columns of the truth; the phantom that is scanned has pixels of half the size.
-        seed: Seed of the patient and of the noise.
+        size: Rows and columns of the truth; the phantom itself has pixels of half that size.
+        seed: Random seed of the patient and of the noise.
     """
 
     scan: Positional[Path]
     anatomy: Annotated[str | None, option(default=USUAL_ANATOMY, metavar=f"{{{','.join(ANATOMIES)}}}")] = None
     body: Annotated[Path | None, option(default="a procedural patient")] = None
-    series: Annotated[str | None, option(metavar="UID")] = None
+    series: Annotated[str | None, option(metavar="UID", default="the only one")] = None
     z: Annotated[float | None, option(default="a slice with much anatomy, or the middle of --body")] = None
     noise_hu: float = 0.0
     tube_current_ma: float = TUBE_CURRENT_MA

@@ -48,31 +48,31 @@ Method: TypeAlias = Supervised | SingleScan | NeighbouringSlices
 
 @dataclass(frozen=True)
 class Train(TrainingOptions):
-    """Train a denoiser on a data set, in the two stages of the paper or on dose pairs alone, a scan, or own images.
+    """Train a denoiser on a simulated data set, on a single scan, or on images of your own patients.
 
-    After each epoch the state is saved beside the network, in .training; a run that was killed resumes from there.
-    Several processes started by torchrun share each batch.
+    On a data set it is trained in the two stages of the paper, or on dose pairs alone. After each epoch the state is
+    saved beside the network, in .training; a run that was killed resumes from there. Several processes started by
+    torchrun share each batch.
 
     Args:
-        data: Data set of `pnpct simulate dataset` (a folder); for the method single-scan the scan, .h5; for image-pairs
-            and neighbouring-slices a folder with a folder for each patient.
+        data: Folder of a data set made by `pnpct simulate dataset`; for single-scan, a scan (.h5); for image-pairs and
+            neighbouring-slices, a folder with one folder per patient.
         network: File for the trained network, .safetensors.
-        size: Size of the paper's network, or red-cnn; --begin-with has a size of its own.
-        noise_input: Make a noise-conditioned network; its input is the noise of FBP with the sharpest kernel (ram-lak),
-            HU.
-        begin_with: Network to begin with, by name or file, or one of your own as my_package.module:name; one of pnpct's
-            with random weights if none is given.
+        size: Size of the paper's network, or red-cnn; not with --begin-with, which has its own.
+        noise_input: Make the network noise-conditioned: it is given the noise of FBP with the sharpest kernel
+            (ram-lak), HU.
+        begin_with: Network to start from, by name or file, or one of your own as my_package.module:name.
         licence: Licence of the network, recorded beside it.
-        tensorboard: Folder for TensorBoard logs, where it is installed.
-        device: Where to compute; auto takes a CUDA device if there is one.
+        tensorboard: Folder for TensorBoard logs, if TensorBoard is installed.
+        device: Where to compute; auto uses a CUDA device if there is one.
     """
 
     data: Positional[Path]
     network: Positional[Path]
     size: Annotated[Literal["small", "medium", "original", "red-cnn"] | None, option(default="small")] = None
     noise_input: bool = False
-    begin_with: str | None = None
-    licence: str | None = None
+    begin_with: Annotated[str | None, option(default="one of the paper's with random weights")] = None
+    licence: Annotated[str | None, option(default="none")] = None
     tensorboard: Path | None = None
     device: DeviceName = "auto"
 

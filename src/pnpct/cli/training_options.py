@@ -23,48 +23,49 @@ class TrainingOptions:
     """The method and its options; None where not given, for options that have no effect on some methods.
 
     Args:
-        method: two-stage is Noise2Noise, then fine-tuning on dose pairs; supervised has dose pairs alone; single-scan
-            is Noise2Inverse between subsets of the views of one scan; image-pairs takes images of your own patients at
-            low and at high dose, neighbouring-slices low-dose series of theirs alone.
+        method: two-stage is Noise2Noise, then fine-tuning on dose pairs; supervised uses dose pairs alone; single-scan
+            is Noise2Inverse between subsets of the views of one scan; image-pairs uses low- and high-dose images of
+            your own patients, neighbouring-slices their low-dose series alone.
         epochs: Epochs of Noise2Noise, or of the only stage.
-        pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
-        batch: Batch size, pairs per optimizer step.
-        side: Rows and columns of the patches; whole images if not given.
-        learning_rate: Highest learning rate; it rises to that in the first steps, then falls to zero.
-        micro_batch: Pairs that pass through the network together; more are faster, but take more memory.
+        pairs_per_epoch: Pairs per epoch, a multiple of the batch size.
+        batch: Batch size: pairs per optimizer step.
+        side: Rows and columns of the patches.
+        learning_rate: Peak learning rate, after a warm-up; from there it falls to zero along a cosine.
+        micro_batch: Pairs that go through the network at once; more is faster, and takes more memory.
         bfloat16: Compute in bfloat16 where that is accurate enough.
-        seed: Seed of the weights and of all pairs.
-        parts: Subsets that the views are divided into, for single-scan; each has at least 30 views.
-        low: Name of the low-dose images in the folder of each patient, for image-pairs and neighbouring-slices: a
-            folder of a DICOM series, or a file (.h5, .nii, .nii.gz, .npz, .npy) by its name without the suffix.
+        seed: Random seed of the weights and of the pairs.
+        parts: Number of subsets of the views, for single-scan; each needs at least 30 views.
+        low: Name of the low-dose images in each patient's folder, for image-pairs and neighbouring-slices: a folder
+            with a DICOM series, or a file (.h5, .nii, .nii.gz, .npz, .npy) without its suffix.
         high: Name of the high-dose images, for image-pairs.
-        validation: Patients to validate on, by the names of their folders; a fifth of them, drawn, if not given.
+        validation: Patients held out for validation, by the names of their folders.
         also: Further data sets to train on.
-        loop_denoiser: Network in the ADMM loop that half of the noisy images are taken from; total variation of random
-            strength if not given.
+        loop_denoiser: Denoiser of the ADMM loop from which half of the noisy images are taken.
         loop_iterations: Maximum number of iterations of that loop.
-        loop_images: Images taken from each loop; more cost little time.
+        loop_images: Images taken from each loop; more of them cost little time.
         fine_tuning_epochs: Epochs of the second stage, for two-stage.
-        losses: Loss of the second stage: corrected, or as printed in the paper, which cannot reach its goal.
-        texture_weight: Weight of the texture term in that loss, (HU / 1000)².
+        losses: Loss of the second stage: corrected, or as printed in the paper, where it cannot reach its own minimum.
+        texture_weight: Weight of its texture term, (HU / 1000)².
         contrast_weight: Weight of its contrast term, (HU / 1000)².
-        examples: Slices that are scanned and reconstructed, before they are repeated with other augmentations.
-        cache: Folder where their images are cached, for this and other trainings; each of 512 x 512 pixels takes 5 MB,
-            and 2 MB for each further image of its loop.
-        lowest_ma: Lowest tube current of low-dose scans, mA.
-        highest_ma: Highest tube current of low-dose scans, mA.
-        reference: Target of the dose pairs: FBP images of reference scans at this tube current, mA; noise-free, each
-            image as it would be without noise, equally blurred; or truth, the phantom itself.
-        discount: Power of the noise that noisy pairs are down-weighted by, 0 to 4; 0 weighs all pairs alike.
-        reconstructed: Slices of the patients for validation that are reconstructed around the network after each epoch;
-            their error says what single images cannot, how the network works in the loop.
+        examples: Number of slices that are scanned and reconstructed; after these they are repeated with other
+            augmentations.
+        cache: Folder in which their images are cached, for this and later trainings; one slice of 512 x 512 pixels
+            takes 5 MB, plus 2 MB for each further image of its loop.
+        lowest_ma: Lowest tube current of the low-dose scans, mA.
+        highest_ma: Highest tube current of the low-dose scans, mA.
+        reference: Target of the dose pairs: a tube current in mA for FBP images of a scan at that dose; noise-free for
+            the same image without noise, equally sharp; or truth for the phantom itself.
+        discount: Noisy pairs are weighted by the inverse of their noise to this power, 0 to 4; 0 weights all pairs
+            alike.
+        reconstructed: Number of validation slices that are reconstructed around the network after each epoch, which
+            shows how it works in the loop.
     """
 
     method: Literal["two-stage", "supervised", "single-scan", "image-pairs", "neighbouring-slices"] = "two-stage"
     epochs: int = TwoStage.epochs
     pairs_per_epoch: int = TwoStage.pairs_per_epoch
     batch: int = TwoStage.batch
-    side: int | None = None
+    side: Annotated[int | None, option(default="whole images")] = None
     learning_rate: float = TwoStage.learning_rate
     micro_batch: Annotated[int | None, option(default="1 for whole images, else all of a batch")] = None
     bfloat16: bool = TwoStage.bfloat16
@@ -72,9 +73,9 @@ class TrainingOptions:
     parts: Annotated[int | None, option(default=SingleScan.parts)] = None
     low: Annotated[str | None, option(default=ImagePairs.low)] = None
     high: Annotated[str | None, option(default=ImagePairs.high)] = None
-    validation: tuple[str, ...] | None = None
+    validation: Annotated[tuple[str, ...] | None, option(default="a fifth of them, drawn at random")] = None
     also: Annotated[tuple[Path, ...] | None, option(default="none")] = None
-    loop_denoiser: str | None = None
+    loop_denoiser: Annotated[str | None, option(default="total variation of random strength")] = None
     loop_iterations: Annotated[int | None, option(default=TwoStage.loop_iterations)] = None
     loop_images: Annotated[int | None, option(default=TwoStage.loop_images)] = None
     fine_tuning_epochs: Annotated[int | None, option(default=TwoStage.fine_tuning_epochs)] = None
@@ -82,7 +83,7 @@ class TrainingOptions:
     texture_weight: Annotated[float | None, option(default=TwoStage.texture_weight)] = None
     contrast_weight: Annotated[float | None, option(default=TwoStage.contrast_weight)] = None
     examples: Annotated[int | None, option(default=TwoStage.examples)] = None
-    cache: Path | None = None
+    cache: Annotated[Path | None, option(default="not cached")] = None
     lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
     reference: Annotated[Reference | None, option(default=TwoStage.reference)] = None

@@ -21,21 +21,21 @@ _PAGES = (".html",)
 
 @dataclass(frozen=True)
 class View:
-    """Write a volume as one HTML page to look at, which needs no network: three planes, windows, HU under the pointer.
+    """Write a volume as one HTML page that works offline: three planes, windows, and the HU under the pointer.
 
-    The page holds NiiVue, and the HU in whole numbers.
+    The page contains the viewer (NiiVue) and the volume, in whole HU.
 
     Args:
-        volume: An image file with several slices, or a folder with a series of CT images in DICOM.
+        volume: An image file with several slices, or a folder with a DICOM CT series.
         page: Output, .html.
-        beside: Another volume, which is scrolled together with the first by millimetres.
-        window: Level and width at first, HU.
-        series: SeriesInstanceUID of the series to show, where the folder holds several.
+        beside: A second volume, which is scrolled together with the first, by position in mm.
+        window: Level and width of the window in which it is first shown, HU.
+        series: SeriesInstanceUID of the series to show, if the folder holds several.
     """
 
     volume: Positional[Path]
     page: Positional[Path]
-    beside: Path | None = None
+    beside: Annotated[Path | None, option(default="none")] = None
     window: tuple[float, float] = (40.0, 400.0)
     series: Annotated[str | None, option(metavar="UID", default="the only one")] = None
 

@@ -28,16 +28,17 @@ class VolumeOptions:
 
     Args:
         slices: Number of slices.
-        slice_spacing: Distance between the middles of slices, mm.
-        thickness: Each slice is the mean over so many mm; 0 is as thin as the detector rows make it.
-        plane_spacing: Largest distance between the planes that are reconstructed and between which slices are
-            interpolated, mm: twice the distance is half the time, and less resolution along z.
-        rebinning: tilted planes, or as a control horizontal ones (single-slice), which a helix leaves farther.
-        slice_agreement_hu: Difference in HU up to which pnp averages denoised planes with their neighbours, within one
-            detector row; 0 denoises each on its own.
+        slice_spacing: Distance between the centres of neighbouring slices, mm.
+        thickness: Slice thickness, mm: each slice is the mean over it; 0 is as thin as the detector rows allow.
+        plane_spacing: Largest distance between the planes that are reconstructed, from which the slices are
+            interpolated, mm: twice the distance takes half the time, and costs resolution along z.
+        rebinning: tilted planes, which follow the helix, or horizontal ones (single-slice), from which it departs
+            further, as a control.
+        slice_agreement_hu: Neighbouring planes within one detector row are averaged by the prior of pnp where they
+            agree to this difference, HU; 0 denoises each plane on its own.
         across: Weight of differences between neighbouring planes in the total variation of tv, relative to those
-            between pixels.
-        processes: Processes that share the planes and the cores.
+            between neighbouring pixels.
+        processes: Number of processes that share the planes and the cores.
         cluster: Address of the scheduler of a Dask cluster, whose workers reconstruct the planes.
     """
 

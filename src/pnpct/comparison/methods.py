@@ -171,14 +171,14 @@ class PaperMethods:
     """The methods of the paper, total variation and the controls, with their settings.
 
     Args:
-        kernel: Of FBP that all methods are measured against.
-        blur_pixels: Standard deviation of the blurred FBP, the control, pixels.
-        tv_strength: Strength of total variation over the noise, pixels.
-        supervised: Network that was trained on dose pairs alone, by name or file.
-        two_stage: Network that was trained in two stages, by name or file.
-        sigma_v: Standard deviation to which plug-and-play trusts the denoised image, HU.
-        iterations: Its maximum number of iterations.
-        denoiser: Compare plug-and-play around this denoiser too: a network that comes with pnpct, the file of one, a
+        kernel: Kernel of the FBP that all methods are measured against.
+        blur_pixels: Standard deviation of the blur of the control, blurred FBP, pixels.
+        tv_strength: Strength of total variation, pixels, relative to the noise.
+        supervised: Network trained on dose pairs alone, by name or file.
+        two_stage: Network trained in two stages, by name or file.
+        sigma_v: How closely plug-and-play follows the denoised image, as a standard deviation in HU.
+        iterations: Maximum number of iterations of plug-and-play.
+        denoiser: Another denoiser to compare plug-and-play with: a network that comes with pnpct, the file of one, a
             classical denoiser, or "my_package.module:name".
     """
 

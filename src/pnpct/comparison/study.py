@@ -18,15 +18,16 @@ class Study:
     """Doses, lesion, phantoms and seed of a comparison.
 
     Args:
-        tube_currents_ma: Of the scans that are drawn, mA; detectability is measured at these and at 20, 200 and 400.
-        tube_voltage_kvp: Of the scans that are drawn and of the phantoms, kVp.
-        size: Rows and columns of the images of scans without a truth that says it.
-        lesion_hu: Contrast of the lesion inserted into each case, HU; 0 inserts none, and takes half the time.
-        lesion_diameter: Its diameter, mm.
-        phantom_repeats: Phantom scans for noise power (NPS) and resolution (TTF), at least 2; 0 omits these.
-        detectability_pairs: Phantom scans with and without inserts at each dose level, at least 40; 0 omits them.
+        tube_currents_ma: Tube currents of the scans that are drawn, mA; detectability is measured at these and at 20,
+            200 and 400 mA.
+        tube_voltage_kvp: Tube voltage of the scans that are drawn and of the phantoms, kVp.
+        size: Rows and columns of the images, for scans without a truth that fixes them.
+        lesion_hu: Contrast of the lesion that is inserted into each case, HU; 0 for no lesion, in half the time.
+        lesion_diameter: Diameter of the lesion, mm.
+        phantom_repeats: Scans of the phantom for noise power (NPS) and resolution (TTF), at least 2; 0 omits both.
+        detectability_pairs: Scans of the phantom with and without inserts per dose, at least 40; 0 omits detectability.
         phantoms: The phantoms.
-        seed: Seed of all random numbers.
+        seed: Random seed.
 
     Raises:
         ValueError: If a number is out of its range, or inserts would be looked for at fewer than four doses.

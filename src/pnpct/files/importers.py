@@ -15,6 +15,7 @@ from pnpct.files.measured_rays import (
     incident_of,
     loaded,
     measured_rays,
+    offset_of_air,
     quanta_of,
     without_faults,
 )
@@ -118,6 +119,10 @@ def import_arrays(
         values, given, measured, kind, name=name, per_quantum=signal_per_quantum, insist=insist
     )
     _check_largest(quanta)
+    with np.errstate(all="ignore"):  # what cannot be is refused below
+        offset = offset_of_air(np.where(measured, np.log(quanta / counts), np.nan))
+    if offset:
+        notes = [*notes, _OFFSET_SAID.format(offset, np.exp(offset))]
     measured, faults = without_faults(measured, counts, quanta, electronic_noise)
     if not measured.all():
         of_bins = (measured == measured[0]).all()
@@ -137,6 +142,13 @@ def import_arrays(
         raise ValueError(f"This scan has {doubt} If it is meant, insist on it (--insist).")
     views = np.flatnonzero(measured.any(axis=1))
     return ImportedScan(scan if len(views) == len(measured) else scan[views], (*notes, *faults))
+
+
+_OFFSET_SAID = (
+    "Rays at both ends of the fan have line integrals of {0:.3g} in all views. If they pass through air alone, the "
+    "incident counts are {1:.3g} times those of this scan: give its own (--incident), or subtract {0:.3g} from the "
+    "line integrals."
+)
 
 
 def correction_of(coefficients: PathLike | Array | None, *, bins_reversed: bool = False) -> BeamHardening | None:

@@ -22,6 +22,12 @@ _STEADY = 0.1
 _LEAST_AIR = 0.2
 """Line integrals of air are below."""
 
+_OFFSET = 0.03
+"""Line integrals of air that noise and a few scattered photons do not make."""
+
+_BLOCKS, _END = 8, 50
+"""Parts of the views, and of the bins, of which each has the same offset."""
+
 _USED = 0.5
 """A mask leaves more of the rays."""
 
@@ -210,21 +216,44 @@ def without_faults(measured: Array, counts: Array, incident: Array, electronic_n
         told[dead(along=2)] = False
     if len(bins):
         notes.append(f"Bins that counted nothing but noise in all views were left out as dead: {_named(bins)}.")
+    lost = told & lost_readings(known, electronic_noise).any(axis=0)
+    told &= ~lost
+    if lost.any():
+        notes.append(f"{int(lost.sum())} rays without counts, among rays of many, were left out as lost.")
     alive = np.flatnonzero(told.any(axis=0))
     p = np.where(told, -np.log(known.clip(_NO_COUNT) / np.where(incident > 0, incident, 1.0)), np.nan)
     stuck = alive[stuck_cells(p[..., alive])]
     told[:, stuck] = False
     if len(stuck):
         notes.append(f"Bins with one value in all views, unlike those around, were left out as stuck: {_named(stuck)}.")
-    lost = told & lost_readings(known, electronic_noise).any(axis=0)
-    told &= ~lost
-    if lost.any():
-        notes.append(f"{int(lost.sum())} rays without counts, among rays of many, were left out as lost.")
     if not told.all():
         notes.append(f"{int((~told).sum())} of {told.size} rays were not measured.")
     if views := int((~told.any(axis=1)).sum()):
         notes.append(f"{views} views in which nothing was measured were left out.")
     return told, notes
+
+
+def offset_of_air(line_integrals: Array) -> float:
+    """Return what the line integrals at both ends of the fan are in all views, if that is one value other than 0.
+
+    There are usually rays through air, and then the incident counts are those of another exposure. An object that is
+    cut off rises from the ends on, or is not half as high there as elsewhere.
+
+    Args:
+        line_integrals: p, (..., views, bins), NaN where not measured.
+
+    Returns:
+        The value; 0 if there is none, or too few views to tell.
+    """
+    p = line_integrals.reshape(-1, line_integrals.shape[-1])
+    cells = max(2, p.shape[1] // _END)
+    if len(p) < 2 * _BLOCKS or p.shape[1] < 4 * cells:
+        return 0.0
+    ends = np.concatenate([p[:, :cells], p[:, -cells:]], axis=1)
+    values = np.stack([np.median(part, axis=0) for part in np.array_split(ends, _BLOCKS)])
+    offset = float(np.median(values))
+    steady = float(np.abs(values - offset).max()) < _STEADY * abs(offset)  # not where one was not measured
+    return offset if steady and _OFFSET < abs(offset) < 0.5 * float(np.nanmax(np.median(p, axis=0))) else 0.0
 
 
 def _named(bins: Array) -> str:

@@ -7,6 +7,7 @@ image, which has no height, is one of two.
 """
 
 import gzip
+import math
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -28,6 +29,9 @@ from pnpct.files.plausible import check_foreign_image
 from pnpct.files.provenance import Provenance
 from pnpct.geometry import Grid, ImageGrid, VolumeGrid
 from pnpct.units import from_hu
+
+_MOST_VOXELS = 1 << 36
+"""Of a file that is not damaged: 64 billion."""
 
 _IN_MM = {"meter": 1e3, "micron": 1e-3}
 """Units of lengths that a file may have instead of mm."""
@@ -135,8 +139,10 @@ def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64]
     """
     nib_: Any = nib  # which has no types here
     nifti = nib_.load(path)
+    if math.prod(nifti.shape) > _MOST_VOXELS:
+        raise MemoryError
     voxels, affine = np.asarray(nifti.dataobj, dtype=np.float64), np.array(nifti.affine, dtype=np.float64)
-    affine[:3] *= _IN_MM.get(nifti.header.get_xyzt_units()[0], 1.0)
+    affine[:3] *= _IN_MM.get(_unit(nifti.header), 1.0)
     own = bytes(np.asarray(nifti.header.get("descrip", b"")).item()).startswith(b"pnpct")
     if voxels.ndim < 2 or max(voxels.shape[3:], default=1) > 1:
         return voxels, affine, voxels.ndim, own
@@ -147,3 +153,10 @@ def _canonical(path: PathLike) -> tuple[NDArray[np.float64], NDArray[np.float64]
         return voxels, affine, axes, own
     turned = nib_.as_closest_canonical(nib_.Nifti1Image(voxels, affine))
     return np.asarray(turned.dataobj), np.asarray(turned.affine), axes, own
+
+
+def _unit(header: Any) -> str:
+    try:
+        return str(header.get_xyzt_units()[0])
+    except KeyError as error:
+        raise ValueError("its distances have a unit of no known code") from error

@@ -19,6 +19,9 @@ DISTANCES_MM = (1.0, 20_000.0)
 
 BIN_WIDTHS_MM = (1e-3, 100.0)
 
+FOCAL_SPOT_SHIFT_MM = 50.0
+"""Flying focal spots move by a few mm."""
+
 MU_WATER = (0.006, 0.1)
 """From 1.3 MeV down to 18 keV, 1/mm."""
 
@@ -46,6 +49,9 @@ MOST_HU = 1e6
 
 SIDES_MM = (1.0, 10_000.0)
 """Of an image that another program has written."""
+
+LIKE_WATER, _PIXELS = (0.6, 1.35), 1 << 18
+"""The median of an object of soft tissue, relative to water, is within; so many pixels are enough to tell."""
 
 DENSEST = 4.0
 """Of a body that fills what the fan sees, relative to water: aluminium has 3.4."""
@@ -123,12 +129,35 @@ def _doubt_of_geometry(geometry: FanBeam) -> str:
         if not least <= length <= most:
             unit = "m" if length < least else "µm or nm"
             return f"a length of {length:g} mm, where {least:g} to {most:g} mm are usual: is it in {unit}?"
+    shift = max((abs(length) for shift in geometry.focal_spot_shifts for length in shift), default=0.0)
+    if shift > FOCAL_SPOT_SHIFT_MM:
+        return f"a focal spot shifted by {shift:g} mm, where {FOCAL_SPOT_SHIFT_MM:g} mm are much: is it in µm?"
     span = float(np.ptp(geometry.view_angles))
     if span > MOST_TURNS * 2 * math.pi:
         return f"view angles over {span / 2 / math.pi:.3g} turns: are they degrees, to be given as view_angles_deg?"
     if geometry.views >= 10 and span < LEAST_SPAN:
         return f"view angles over {math.degrees(span):.3g} degrees: are they rad, to be given as view_angles_rad?"
     return ""
+
+
+def doubt_of_object(image: Image) -> str:
+    """Return what is unusual in the attenuation of an object, relative to water, with what may be wrong; else nothing.
+
+    The object is what exceeds 0.3 of the largest values; its median is that of soft tissue in all patients. Wood, foam
+    and aluminium are other than water too, so this says no more than that; and nothing of images of few pixels.
+    """
+    if min(image.shape[-2:]) < _CELLS:
+        return ""
+    values = image.detach().flatten()[:: max(1, image.numel() // _PIXELS)].double()
+    inside = values[values > 0.3 * values.quantile(0.995)]
+    median = float(inside.median()) if inside.numel() else 0.0
+    if not 0 < median < math.inf or LIKE_WATER[0] <= median <= LIKE_WATER[1]:
+        return ""
+    return (
+        f"an object of {median:.2g} times the attenuation of water (the median). If it is near water: line integrals "
+        "are natural logarithms, those to the base 10 times 2.303; lengths are in mm; and --mu-water is in 1/mm, at "
+        "the energy of the scan."
+    )
 
 
 def doubt_of_image(image: Image | Volume) -> str:

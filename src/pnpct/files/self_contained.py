@@ -25,22 +25,33 @@ _HEAP = b"GCOL\x01"
 _HEAP_HEADER = 16
 """Bytes of the header of a collection, and of each object in it, where lengths have 8 bytes."""
 
+_TEXT = bytes.fromhex("19010100 10000000 10000000 01000000 00000800 00000000 01000000 00000000")
+"""What stands before one text of any length in an attribute: its type, and that it is one. Its length follows."""
+
 
 def check_heaps(path: Path) -> None:
-    """Check that one object follows another wherever texts of any length are kept; else HDF5 reads for ever.
+    """Check texts of any length, and that one object follows another where they are kept; else HDF5 reads for ever.
+
+    HDF5 gives memory to a text before it looks whether there is one of this length.
 
     Raises:
         OSError: If the file cannot be read.
-        FileFormatError: If an object has no length, or another than there is room for.
+        FileFormatError: If an object has no length, or another than there is room for, or a text is longer than the
+            file.
     """
     state = path.stat()
-    if state.st_size and not _heaps_end(path, state.st_size, state.st_mtime_ns):
+    if state.st_size and not _texts_end(path, state.st_size, state.st_mtime_ns):
         raise FileFormatError("this file is damaged (a text without its length); copy it again or create it again.")
 
 
 @lru_cache(maxsize=64)
-def _heaps_end(path: Path, length: int, _changed: int) -> bool:
+def _texts_end(path: Path, length: int, _changed: int) -> bool:
     with path.open("rb") as file, mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ) as content:
+        at = content.find(_TEXT)
+        while at >= 0:
+            if _number(content, at + len(_TEXT), 4) > length:
+                return False
+            at = content.find(_TEXT, at + 1)
         at = content.find(_HEAP)
         while at >= 0:
             end = at + _number(content, at + 8, 8)

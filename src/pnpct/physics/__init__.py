@@ -7,7 +7,7 @@ from pnpct.physics.half_turn import column_shift, half_turn_views
 from pnpct.physics.incident_estimate import MOST_QUANTA, estimate_incident
 from pnpct.physics.scan import Moments, Scan, scan_from_moments, simulate_counts
 from pnpct.physics.sinogram import Sinogram, take_log
-from pnpct.physics.unmeasured import dead_cells, lost_readings, stuck_cells, unmeasured_and_dead
+from pnpct.physics.unmeasured import dead_cells, fill_along_detector, lost_readings, stuck_cells, unmeasured_and_dead
 from pnpct.physics.weights import BandedWeights, DiagonalWeights, Weights
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "column_shift",
     "dead_cells",
     "estimate_incident",
+    "fill_along_detector",
     "fit_water_correction",
     "half_turn_views",
     "lost_readings",

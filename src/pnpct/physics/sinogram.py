@@ -1,7 +1,7 @@
 """From counts to line integrals and their weights."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -27,6 +27,8 @@ class Sinogram:
         line_integrals: y, dimensionless.
         weights: W, the inverse covariance of the line integrals (up to a factor).
         bone: What they lack behind bone; None where that is not known, or added already (`corrected_for_bone`).
+        interpolated: Which rays were not measured, so that their line integrals come from those around and their
+            weight is 0; broadcasts to the rays. None if none.
 
     Raises:
         ValueError: If a line integral is not finite, or the weights or the correction for bone are for other rays.
@@ -35,6 +37,7 @@ class Sinogram:
     line_integrals: Rays | ConeRays
     weights: Weights
     bone: BoneHardening | None = None
+    interpolated: Bool[Tensor, "..."] | None = field(default=None, repr=False)
 
     __repr__ = short_repr
 
@@ -130,10 +133,12 @@ def take_log(
         line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
     if weight == "uniform":
         equivalent = equivalent[measured.expand_as(equivalent)].mean().expand_as(counts)
+    interpolated = None
     if not bool(measured.all()):
+        interpolated = ~measured
         line_integrals, equivalent = fill_along_detector(line_integrals, measured), equivalent.where(measured, 0.0)
     bone = scan.beam_hardening.bone if scan.beam_hardening else None
-    return Sinogram(line_integrals, DiagonalWeights(equivalent, scan.geometry.shape), bone)
+    return Sinogram(line_integrals, DiagonalWeights(equivalent, scan.geometry.shape), bone, interpolated)
 
 
 def _noise_equivalent(counts: Tensor, electronic_noise: float) -> Tensor:

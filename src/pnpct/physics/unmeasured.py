@@ -13,7 +13,12 @@ from pnpct.arrays import ConeRays, Rays
 from pnpct.physics.scan import Scan
 
 _AROUND = 5
-_CELLS_AROUND = 17
+_CELLS_AROUND = (17, 65, 129)
+"""The cells that one is compared with, of which most are good: a module of the detector has up to 64."""
+
+_NO_SPREAD = 1e-5
+"""Of line integrals: no noise is as small."""
+
 _MANY = 100.0
 """Counts of the rays around one that has none: by chance it has none in 1 of 10⁴³ cases, and metal has an edge."""
 
@@ -81,8 +86,9 @@ def unmeasured_and_dead(parts: Iterable[Scan]) -> tuple[int, NDArray[np.intp]]:
 def stuck_cells(line_integrals: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the numbers of the cells that read nearly one value in all views, unlike the cells around them.
 
-    Their spread over the views is below a tenth of the median spread of the 17 cells around, and their median is off
-    that of these by more than 1. Air, which is the same in all views too, has only air around.
+    Their spread over the views is below a tenth of the median spread of the 17, 65 or 129 cells around, and their
+    median is off that of these by more than 1; or they have no spread at all where air has noise. Air, which is the
+    same in all views too, has mostly air around.
 
     Args:
         line_integrals: p, (..., views, bins), NaN where not measured; each bin is measured in some view.
@@ -94,17 +100,27 @@ def stuck_cells(line_integrals: NDArray[np.float64]) -> NDArray[np.intp]:
         [30]
     """
     p = line_integrals.reshape(-1, line_integrals.shape[-1])
-    if min(p.shape) < _CELLS_AROUND:
-        return np.empty(0, np.intp)
+    stuck = np.zeros(p.shape[1], np.bool_)
+    if min(p.shape) < _CELLS_AROUND[0]:
+        return np.flatnonzero(stuck)
     spread, level = np.nanstd(p, axis=0), np.nanmedian(p, axis=0)
-    spread_around, level_around = (
-        scipy.ndimage.median_filter(each, _CELLS_AROUND, mode="nearest") for each in (spread, level)
-    )
-    return np.flatnonzero((spread < 0.1 * spread_around) & (np.abs(level - level_around) > 1))
+    constant = spread < _NO_SPREAD
+    if spread[[0, -1]].min() < _NO_SPREAD:  # air without noise: then much of a round body is as constant
+        constant[:] = False
+    for cells in _CELLS_AROUND:
+        if cells <= p.shape[1]:
+            spread_around, level_around = (
+                scipy.ndimage.median_filter(each, cells, mode="nearest") for each in (spread, level)
+            )
+            stuck |= (spread < 0.1 * spread_around) & (constant | (np.abs(level - level_around) > 1))
+    return np.flatnonzero(stuck)
 
 
 def lost_readings(counts: NDArray[np.float64], electronic_noise: float) -> NDArray[np.bool_]:
-    """Return which rays counted nothing but electronic noise, though most of the 5 × 5 around counted 100 or more.
+    """Return which rays counted nothing but electronic noise, though rays around counted 100 or more.
+
+    Around one are most of the 5 × 5, or in its view the first rays on both sides that counted something, if there are
+    any: of a module that failed for a while. Behind metal counts fall from ray to ray.
 
     Args:
         counts: Counts, (..., views, bins), quanta.
@@ -119,6 +135,18 @@ def lost_readings(counts: NDArray[np.float64], electronic_noise: float) -> NDArr
     nothing = 3 * electronic_noise
     lost = np.abs(counts) <= nothing  # what is far below 0 is another mistake
     if lost.any():
-        window = (1,) * (counts.ndim - 2) + (_AROUND, _AROUND)
-        lost &= scipy.ndimage.median_filter(counts, window, mode="nearest") >= max(_MANY, 10 * nothing)
+        window, many = (1,) * (counts.ndim - 2) + (_AROUND, _AROUND), max(_MANY, 10 * nothing)
+        lost &= scipy.ndimage.median_filter(counts, window, mode="nearest") >= many
+        low = np.abs(counts) <= 2 * nothing  # a module has thousands of rays, some of them with much noise
+        before = _last_that_counts(counts, low)
+        after = _last_that_counts(counts[..., ::-1], low[..., ::-1])[..., ::-1]
+        least = np.minimum(before, after)
+        lost |= low & (least >= many) & (least < np.inf)
     return lost
+
+
+def _last_that_counts(counts: NDArray[np.float64], nothing: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """For each ray the count of the last one up to it that counted something; infinity before the first of these."""
+    number = np.where(nothing, -1, np.arange(counts.shape[-1]))
+    last = np.maximum.accumulate(number, axis=-1)
+    return np.where(last < 0, np.inf, np.take_along_axis(counts, last.clip(0), axis=-1))

@@ -1,22 +1,14 @@
 """Beam hardening by bone: a first image tells where bone is, and the line integrals get what they lack."""
 
 from dataclasses import replace
-from functools import lru_cache
 
 from pnpct.denoisers import Gaussian
-from pnpct.geometry import FanBeam
-from pnpct.geometry.tilted_planes import WINDOWS
 from pnpct.operators import Projector
-from pnpct.operators.ray_lines import Method
 from pnpct.physics import DiagonalWeights, Sinogram
-from pnpct.reconstruction.fbp import fbp
-from pnpct.reconstruction.whole_object import beyond_fan
+from pnpct.reconstruction.first_image import first_image, projector_of_everything
 
 BLUR = 2.0
 """Standard deviation of the blur before bone is found, pixels: noise is not bone."""
-
-PIXELS = 512
-"""Rows and columns of the first image, of a detector with as many bins or more."""
 
 
 def corrected_for_bone(sinogram: Sinogram, A: Projector) -> Sinogram:
@@ -38,16 +30,9 @@ def corrected_for_bone(sinogram: Sinogram, A: Projector) -> Sinogram:
         return sinogram
     if A.geometry.limited_angle:
         return replace(sinogram, bone=None)
-    wide = _of_everything(A.geometry, A.mu_water, A.method)
-    whole = beyond_fan(sinogram, wide)
-    image = fbp(whole.sinogram.line_integrals, whole.A, kernel="soft")
+    wide = projector_of_everything(A)
+    image = first_image(sinogram, wide, kernel="soft")
     q = wide(bone.in_image(image, Gaussian(BLUR)(image)))
     if isinstance(W, DiagonalWeights):
         W = DiagonalWeights(W.diagonal / (1 + bone.slope(p, q)).square(), W.range_shape)
     return replace(sinogram, line_integrals=p + bone.lacking(p, q), weights=W, bone=None)
-
-
-@lru_cache(maxsize=WINDOWS)
-def _of_everything(geometry: FanBeam, mu_water: float, method: Method) -> Projector:
-    """A projector takes longer to make than to use, and scans come one after the other."""
-    return Projector(geometry.grid(min(PIXELS, geometry.bins)), geometry, mu_water=mu_water, method=method)

@@ -15,6 +15,7 @@ from pnpct.denoisers import Denoise, TotalVariation, denoiser_settings
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.bone import corrected_for_bone
+from pnpct.reconstruction.dead_modules import filled_from_image
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
@@ -23,7 +24,7 @@ from pnpct.reconstruction.reconstructed import Reconstruction
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
 from pnpct.reconstruction.starting import STRENGTH, around_total_variation, possible, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
-from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image
+from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
 
 FIRST = 3.0
 """σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
@@ -72,9 +73,9 @@ class FBP:
     def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
-        whole = beyond_fan(corrected_for_bone(sinogram, A), A)
+        whole = beyond_fan(_corrected(sinogram, A), A)
         image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
-        return Reconstruction(image, self.settings, notes=whole.notes)
+        return Reconstruction(image, self.settings, notes=(*whole.notes, *lines_left_out(sinogram, A.geometry)))
 
 
 @dataclass(frozen=True)
@@ -251,7 +252,12 @@ def falling(sigma_v: Tensor, last: float) -> Iterator[Tensor]:
 
 
 def _whole(sinogram: Sinogram, A: Projector) -> Whole:
-    return beyond_image(beyond_fan(corrected_for_bone(sinogram, A), A))
+    return beyond_image(beyond_fan(_corrected(sinogram, A), A))
+
+
+def _corrected(sinogram: Sinogram, A: Projector) -> Sinogram:
+    """What first images show: what dead modules would have measured, and what line integrals lack behind bone."""
+    return corrected_for_bone(filled_from_image(sinogram, A), A)
 
 
 def _iterated(

@@ -27,6 +27,9 @@ NEIGHBOURS = (3, 5)
 FEW = 0.01
 """Share of the views in which an object may be seen somewhere by mistake."""
 
+FULL = math.radians(12)
+"""Largest step between the views of a full turn."""
+
 FITTED = 8
 """Bins at the end of the fan that its continuation is fitted to."""
 
@@ -132,6 +135,26 @@ def beyond_image(whole: Whole) -> Whole:
     )
     wider = Projector(wide, geometry, mu_water=A.mu_water, method=A.method)
     return replace(whole, A=wider, notes=(*whole.notes, note))
+
+
+def lines_left_out(sinogram: Sinogram, geometry: FanBeam) -> tuple[str, ...]:
+    """Say that no ray measured some lines through the object, where the detector is moved aside and the turn not full.
+
+    Lines beyond the shorter side of the fan are measured once in a turn.
+    """
+    angles = np.sort(np.mod(geometry.view_angles, 2 * math.pi))
+    gap = float(np.diff(angles, append=angles[0] + 2 * math.pi).max())
+    shorter = min(-geometry.fan_angle_edges[0], geometry.fan_angle_edges[-1])
+    once = np.abs(geometry.fan_angles) > shorter + geometry.bin_width / geometry.source_to_detector
+    if gap <= FULL or not once.any():
+        return ()
+    seen = float(_through_object(sinogram.line_integrals)[..., torch.from_numpy(once)].double().mean())
+    if seen <= FEW:
+        return ()
+    return (
+        f"The detector is moved aside, which needs a full turn, but the views leave out {math.degrees(gap):.0f} "
+        "degrees: lines through the object were not measured, and FBP has streaks; try tv.",
+    )
 
 
 def _bins_beyond(geometry: FanBeam) -> tuple[int, int]:

@@ -22,6 +22,7 @@ _CAPITALS = {
     "fr",
     "npw",
     "npwe",
+    "cho",
 }
 _SPELLED = {"ldctbench": "ldct-bench", "lodopab": "LoDoPaB", "sha256": "SHA-256"}
 

@@ -16,8 +16,10 @@ from pnpct.physics import Exposure, Moments
 from pnpct.simulation.beam import Beam, effective_mu_water, hardening_correction, scanner_beam
 from pnpct.simulation.phantom import Phantom, relative_attenuation
 
-VIEWS, BINS = 984, 900
-"""Views of a rotation, and detector cells along the arc."""
+VIEWS = 984
+"""Views of a rotation."""
+BINS = 900
+"""Detector cells along the arc."""
 TUBE_CURRENT_MA = 40.0
 """Of a low-dose scan, mA, at a rotation time of one second."""
 SLICE_THICKNESS = 0.625

@@ -71,6 +71,22 @@ def test_a_lesion_is_found_by_what_was_measured(phantom) -> None:
     assert set(found.finite) == set(found.values)
 
 
+def test_an_insert_is_told_from_the_uniform_region_as_well_as_white_noise_allows() -> None:
+    draw = np.random.default_rng(3)
+    insert = (18.0, -5.0, 6.0)
+    disc = np.hypot(GRID.x - insert[0], GRID.y[:, None] - insert[1]) < insert[2] / 2
+    images = from_hu(torch.from_numpy(5.0 * disc + draw.normal(0, NOISE_HU, (100, 96, 96))))
+    measure = {"grid": GRID, "uniform": UNIFORM, "insert": insert, "generator": np.random.default_rng(0)}
+    found = measure_phantom(images, **measure).values
+    ideal = 5.0 * math.sqrt(disc.sum()) / NOISE_HU  # of an observer that knows the disc and the noise
+    assert 0.6 * ideal < found["d_prime_cho"] < 1.1 * ideal
+    assert found["d_prime_cho_low"] < found["d_prime_cho"] < found["d_prime_cho_high"]
+    without = measure_phantom(images - from_hu(5.0 * torch.from_numpy(disc)) + 1, **measure).values
+    assert without["d_prime_cho_low"] < 0.1 * ideal
+    with pytest.raises(ValueError, match="at least 40 pairs"):
+        measure_phantom(images[:20], **measure)
+
+
 def test_the_region_is_where_it_was_said(phantom) -> None:
     """Noise in the region alone is found there, and nowhere else."""
     patches, size = patches_in_square(GRID, center=UNIFORM[:2], side=UNIFORM[2], size=16)

@@ -83,12 +83,12 @@ def patches_in_square(
     """
     across = math.floor(side / grid.spacing + 1e-6) if math.isfinite(side) else 0
     if across < 8:
-        raise ValueError(f"A uniform region has sides of at least 8 pixels ({8 * grid.spacing:g} mm), got {side:g} mm.")
+        raise ValueError(f"A region has sides of at least 8 pixels ({8 * grid.spacing:g} mm), got {side:g} mm.")
     row = round(float((grid.y[0] - center[1]) / grid.spacing) - (across - 1) / 2)
     col = round(float((center[0] - grid.x[0]) / grid.spacing) - (across - 1) / 2)
     if min(row, col) < 0 or row + across > grid.rows or col + across > grid.cols:
         place = f"{side:g} mm around ({center[0]:g}, {center[1]:g}) mm"
-        raise ValueError(f"A uniform region must be in the image, of {grid}, got one of {place}.")
+        raise ValueError(f"A region must be in the image, of {grid}, got one of {place}.")
     size = min(size, across)
     inside = tile_patches((across, across), size=size)
     return tuple(Patch(row + patch.row, col + patch.col) for patch in inside), size
