@@ -13,7 +13,8 @@ import pytest
 import torch
 from torch import distributed
 
-from pnpct.files import load_network, sha256_of
+from pnpct.files import load_network, read_exposure, read_manifest, sha256_of
+from pnpct.files.checkpoint import finest_pixel
 from pnpct.files.training_file import write_training
 
 TRAIN = "--epochs 2 --fine-tuning-epochs 1 --pairs-per-epoch 2 --batch 2"
@@ -57,6 +58,10 @@ def test_a_network_is_trained_and_says_what_it_is(trained: Path, dataset: Path) 
     assert about["seed"] == 0
     assert about["manifest_sha256"] == sha256_of(dataset / "manifest.json")
     assert {"losses": "corrected", "fine_tuning_epochs": 1, "batch": 2}.items() <= about["settings"].items()
+    files = read_manifest(dataset).files("train")
+    pixels = [grid.spacing for file in files if (grid := read_exposure(dataset / file).grid) is not None]
+    assert finest_pixel(trained) == min(pixels)
+    assert len(pixels) == len(files)
 
 
 def test_a_training_that_has_ended_is_not_repeated(trained: Path, dataset: Path, again: Path, cached, run) -> None:

@@ -38,6 +38,7 @@ def test_a_network_is_trained_on_pairs_of_series_and_says_of_whom(patients: Path
     assert all(" loss " in line and " images " in line for line in out.splitlines()[:2])
     load_network(path)
     about = json.loads((tmp_path / "own.safetensors.json").read_text())["about"]
+    assert about["finest_pixel_mm"] == 1.0
     assert {split: len(prints) for split, prints in about["settings"]["patients"].items()} == {
         "train": 2,
         "validation": 1,

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pnpct.files import load_network, sha256_of
+from pnpct.cli.grids import grid_for
+from pnpct.files import load_network, read_scan, sha256_of
 
 SINGLE = "--method single-scan --parts 2 --epochs 2 --pairs-per-epoch 2 --batch 2 --side 32"
 
@@ -29,6 +30,7 @@ def test_a_network_is_trained_on_a_single_scan_and_says_which(scan: Path, tmp_pa
     assert all(line.partition(": ")[2].startswith("loss ") and "," not in line for line in lines[:2])
     about = json.loads((tmp_path / "one.safetensors.json").read_text())["about"]
     assert about["manifest_sha256"] == sha256_of(scan)
+    assert about["finest_pixel_mm"] == grid_for(scan, read_scan(scan).geometry, size=None, field_of_view=None).spacing
     assert [loss["stage"] for loss in about["metrics"]["losses"]] == ["single-scan", "single-scan"]
     load_network(path)
     # Once more: nothing is left to do; with other parts it is another training.

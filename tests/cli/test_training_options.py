@@ -24,12 +24,12 @@ def test_every_option_arrives_in_the_method() -> None:
     words = (
         "--bfloat16 --also b c --loop-denoiser n2n --loop-iterations 5 --loop-images 2 --fine-tuning-epochs 4 "
         "--losses paper --texture-weight 0.1 --contrast-weight 0.2 --examples 9 --cache images --lowest-ma 30 "
-        "--highest-ma 40 --reference noise-free --discount 2"
+        "--highest-ma 40 --reference noise-free --discount 2 --reconstructed 3"
     )
     given: dict[str, Any] = {"also": (Path("b"), Path("c")), "loop_denoiser": "n2n", "loop_iterations": 5}
     given |= {"loop_images": 2, "fine_tuning_epochs": 4, "losses": "paper", "texture_weight": 0.1}
     given |= {"contrast_weight": 0.2, "examples": 9, "cache": Path("images"), "lowest_ma": 30.0, "highest_ma": 40.0}
-    given |= {"reference": "noise-free", "discount": 2.0}
+    given |= {"reference": "noise-free", "discount": 2.0, "reconstructed": 3}
 
     def method(words: str) -> Supervised | SingleScan | NeighbouringSlices:
         return parse(Train, ["data", "a.safetensors", *words.split()], program="pnpct").chosen_method()

@@ -100,6 +100,24 @@ def test_the_truth_as_reference_changes_what_is_learnt_towards_and_nothing_else(
     torch.testing.assert_close(true.references, torch.ones(2, 12, 8))
 
 
+@dataclass(frozen=True)
+class Counts(Pictures):
+    """What the rays counted, which the weights of a reconstruction follow."""
+
+    def __call__(self, scan: Scan, grid: ImageGrid, generator: torch.Generator, /) -> torch.Tensor:
+        return scan.counts[:, :8]
+
+
+def test_a_reference_without_noise_is_of_the_dose_of_the_scan_with_it(file: Path) -> None:
+    examples = Examples([file], Counts(), (), seed=0, reference="noise-free")
+    drawn = [examples(number) for number in range(10)]
+    for example in drawn:
+        noise = example.low / example.references - 1
+        assert float(noise.mean()) == pytest.approx(0.0, abs=0.02)
+        assert float(noise.std()) > 1e-4
+    assert len({float(example.references.mean()) for example in drawn}) == 10
+
+
 def test_each_way_to_make_images_can_have_a_reference_of_its_own(file: Path) -> None:
     alike, each = (
         Examples([file], picture, (doubled,), seed=0, make_references=ways)(3) for ways in (None, (picture, doubled))

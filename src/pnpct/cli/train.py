@@ -105,6 +105,7 @@ class Train(TrainingOptions):
                     "licence": self.licence,
                     "command": list(command),
                     "settings": settings,
+                    "finest_pixel_mm": plan.finest_pixel,
                 }
                 save_network(self.network, network.cpu(), about=about)
                 say(f"Wrote {self.network}: a network after {plan.total} epochs.")

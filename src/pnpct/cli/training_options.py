@@ -11,7 +11,7 @@ from pnpct.training import (
     Form,
     ImagePairs,
     NeighbouringSlices,
-    ReferenceName,
+    Reference,
     SingleScan,
     Supervised,
     TwoStage,
@@ -57,6 +57,8 @@ class TrainingOptions:
             the same image without noise, equally sharp; or truth for the phantom itself.
         discount: Noisy pairs are weighted by the inverse of their noise to this power, 0 to 4; 0 weights all pairs
             alike.
+        reconstructed: Number of validation slices that are reconstructed around the network after each epoch, which
+            shows how it works in the loop.
     """
 
     method: Literal["two-stage", "supervised", "single-scan", "image-pairs", "neighbouring-slices"] = "two-stage"
@@ -84,8 +86,9 @@ class TrainingOptions:
     cache: Annotated[Path | None, option(default="not cached")] = None
     lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
     highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
-    reference: Annotated[ReferenceName | None, option(default=TwoStage.reference)] = None
+    reference: Annotated[Reference | None, option(default=TwoStage.reference)] = None
     discount: Annotated[float | None, option(default=TwoStage.discount)] = None
+    reconstructed: Annotated[int | None, option(default=TwoStage.reconstructed)] = None
 
     def chosen_method(self) -> Supervised | SingleScan | NeighbouringSlices:
         """Return the method with the options that were given.

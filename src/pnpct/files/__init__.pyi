@@ -18,7 +18,7 @@ from .dicom_series import read_dicom_series
 from .dicom_source import SourceSeries, read_patient, read_source_series, taken_from_scan
 from .dicom_writer import check_replaceable, write_dicom_series
 from .errors import FileFormatError
-from .exposure_file import ExposedSlice, read_exposure, tube_voltages, write_exposures
+from .exposure_file import ExposedSlice, exposure_pixel, read_exposure, tube_voltages, write_exposures
 from .geometry_json import WrittenGeometry, read_geometry
 from .hdf5 import describe_file
 from .image_file import WINDOW, check_window, read_image, write_image
@@ -65,6 +65,7 @@ __all__ = [
     "describe_file",
     "evenly_spaced",
     "export_onnx",
+    "exposure_pixel",
     "file_and_member",
     "import_arrays",
     "imported",

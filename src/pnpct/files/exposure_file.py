@@ -135,3 +135,15 @@ def tube_voltages(path: PathLike) -> tuple[float, ...]:
     """
     with open_hdf5(path, formats=(FORMAT,)) as file:
         return tuple(sorted(float(name.removesuffix(" kVp")) for name in file if name.endswith(" kVp")))
+
+
+def exposure_pixel(path: PathLike) -> float | None:
+    """Return the spacing of the pixels of the truth in a file of exposures, mm, the least of all voltages, or None.
+
+    Raises:
+        OSError: If there is no such file or it cannot be read.
+        FileFormatError: If it is not a file of exposures.
+    """
+    with open_hdf5(path, formats=(FORMAT,)) as file:
+        known = [group_of(group_of(file, name), "truth")["image"] for name in file if f"{name}/truth" in file]
+        return min((number_of(image, "spacing_mm") for image in known), default=None)

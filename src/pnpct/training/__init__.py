@@ -1,6 +1,7 @@
 """From scans to the weights of a denoiser: what it learns from, the losses, and the methods."""
 
 from pnpct.training.cached_examples import CachedExamples
+from pnpct.training.closed_loop import ClosedLoop
 from pnpct.training.curves import training_curves
 from pnpct.training.examples import Example, Examples, Reference
 from pnpct.training.images import FBPImages, LoopImages, MakeImages, view_subset_images
@@ -16,7 +17,7 @@ from pnpct.training.losses import (
     stage_two_loss,
     texture_loss,
 )
-from pnpct.training.methods import METHODS, ReferenceName, SingleScan, Supervised, TwoStage
+from pnpct.training.methods import METHODS, SingleScan, Supervised, TwoStage
 from pnpct.training.own_images import ImagePairs, NeighbouringSlices, SlicePairs
 from pnpct.training.pairs import Pair, Pairs
 from pnpct.training.plan import Schedule, TrainingPlan
@@ -30,6 +31,7 @@ __all__ = [
     "METHODS",
     "TEXTURE_WEIGHT",
     "CachedExamples",
+    "ClosedLoop",
     "Epoch",
     "Example",
     "Examples",
@@ -43,7 +45,6 @@ __all__ = [
     "Pair",
     "Pairs",
     "Reference",
-    "ReferenceName",
     "Schedule",
     "SingleScan",
     "SlicePairs",

@@ -16,8 +16,9 @@ from pnpct.geometry.short_repr import short_repr
 from pnpct.physics import Scan
 from pnpct.training.images import MakeImages
 
-Reference: TypeAlias = float | Literal["truth"]
-"""The target: the image of a scan at this tube current, mA, or the phantom itself, without any blur."""
+Reference: TypeAlias = float | Literal["noise-free", "truth"]
+"""The target: the image of a scan at this tube current, mA; or of the low-dose scan with the mean of its counts, and so
+with the weights that it has; or the phantom itself, without any blur."""
 
 REFERENCE: Reference = 800.0
 """A routine scan at high dose."""
@@ -57,10 +58,11 @@ class Examples:
         others: Other ways to make images, with noise that a denoiser should know.
         seed: Seed of everything that is drawn.
         tube_currents_ma: Lowest and highest tube current of the low-dose scans, mA.
-        reference: Tube current of high-dose scans, mA, or "truth". The noise of scans does not mislead a network, but
-            drowns what it could learn wherever its output is nearer to the truth than they are; their blur it learns.
-        make_references: How images of the high-dose scan are made, for `make` and for each of `others`, with the same
-            random settings as theirs; None makes one, by `make`, for all.
+        reference: Tube current of high-dose scans, mA, "noise-free" or "truth". The noise of scans does not mislead a
+            network, but drowns what it could learn wherever its output is nearer to the truth than they are; their blur
+            it learns.
+        make_references: How images of the high-dose or noise-free scan are made, for `make` and for each of `others`,
+            with the same random settings as theirs; None makes one, by `make`, for all.
         source: What the files are, such as the SHA-256 of their manifest; it tells data sets apart in `settings`.
 
     Raises:
@@ -83,7 +85,7 @@ class Examples:
             raise ValueError("Examples are drawn from at least one file, got none.")
         if not 0 < low <= high < math.inf:
             raise ValueError(f"Tube currents are positive and rising, in mA, got {low} and {high}.")
-        if self.reference != "truth" and not high <= self.reference < math.inf:
+        if not isinstance(self.reference, str) and not high <= self.reference < math.inf:
             raise ValueError(f"The high dose is at least the low dose of up to {high} mA, got {self.reference} mA.")
         if self.make_references is not None:
             if self.reference == "truth":
@@ -134,8 +136,12 @@ class Examples:
         if self.reference == "truth":
             references = truth[None]
         else:
-            high = exposed.exposure.scan(tube_current_ma=self.reference, generator=generator)
-            references = torch.cat([made(make, high) for make in self.make_references or [self.make]])
+            better = (
+                exposed.exposure.scan(tube_current_ma=current, generator=None)
+                if self.reference == "noise-free"
+                else exposed.exposure.scan(tube_current_ma=self.reference, generator=generator)
+            )
+            references = torch.cat([made(make, better) for make in self.make_references or [self.make]])
         if len(references) == 1:
             references = references.expand(1 + len(others), -1, -1)
         return Example(low, others, references)

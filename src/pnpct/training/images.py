@@ -126,7 +126,7 @@ class LoopImages:
         return {"images": "loop", "denoiser": self.name, **loop, **tv}
 
     def undisturbed(self) -> "LoopImages":
-        """Return the loop with a denoiser that changes nothing: for references of a scan with little noise."""
+        """Return the loop with a denoiser that changes nothing: for references of a scan without noise."""
         return replace(self, denoiser=_unchanged, name="none")
 
     def __call__(

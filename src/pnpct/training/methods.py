@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import torch
 from torch import nn
@@ -16,11 +16,12 @@ from typing_extensions import override
 
 from pnpct.denoisers import LearnedDenoiser
 from pnpct.denoisers.noise_level import is_noise_conditioned
-from pnpct.files import MANIFEST, Split, read_manifest, read_network, sha256_of
+from pnpct.files import MANIFEST, Split, exposure_pixel, read_manifest, read_network, sha256_of
 from pnpct.geometry import ImageGrid
 from pnpct.physics import Scan
 from pnpct.training.cached_examples import CachedExamples
-from pnpct.training.examples import Examples, Reference
+from pnpct.training.closed_loop import ClosedLoop
+from pnpct.training.examples import Example, Examples, Reference
 from pnpct.training.images import FBPImages, LoopImages, view_subset_images
 from pnpct.training.losses import (
     CONTRAST_WEIGHT,
@@ -36,13 +37,6 @@ from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, train, two_stage
 from pnpct.training.validation import validate
-
-ReferenceName: TypeAlias = Reference | Literal["noise-free"]
-"""As for `Examples`, or each image as it would be without noise, equally blurred."""
-
-QUIET_MA = 1e6
-"""Tube current of a scan with next to no noise, mA: 1 HU in an FBP image."""
-
 
 CPU = torch.device("cpu")
 
@@ -63,6 +57,8 @@ class Supervised(Schedule):
         reference: Target of the dose pairs: FBP images of reference scans at this tube current, mA; "noise-free", each
             image as it would be without noise, equally blurred; or "truth", the phantom itself.
         discount: Power of the noise that noisy pairs are down-weighted by, 0 to 4.
+        reconstructed: Slices of the patients for validation that are reconstructed around the network after each epoch,
+            and compared with the truth; each takes as long as any reconstruction.
     """
 
     also: tuple[Path, ...] = ()
@@ -73,13 +69,14 @@ class Supervised(Schedule):
     cache: Path | None = None
     lowest_ma: float = Examples.tube_currents_ma[0]
     highest_ma: float = Examples.tube_currents_ma[1]
-    reference: ReferenceName = Examples.reference
+    reference: Reference = Examples.reference
     discount: float = Pairs.discount
+    reconstructed: int = 0
 
     @override
     def settings(self) -> dict[str, Any]:
         settings = super().settings()
-        del settings["cache"]
+        del settings["cache"], settings["reconstructed"]
         denoiser = self.loop_denoiser and read_network(self.loop_denoiser)[1]
         return {**settings, "also": _manifests(self.also), "loop_denoiser": denoiser}
 
@@ -95,12 +92,21 @@ class Supervised(Schedule):
             ValueError: If a part of the data set is empty, an option is out of range, or the network of the loop
                 is noise-conditioned.
         """
+        if self.reconstructed < 0 or (self.reconstructed and is_noise_conditioned(network)):
+            raise ValueError(
+                "Slices are reconstructed around a network without noise level, and none or more of them, got "
+                f"{self.reconstructed}."
+            )
         device = next(network.parameters()).device
         validation = self.examples_from(data, "validation", device=device)
         drawn = self.examples_from(data, "train", device=device)
         pairs = partial(Pairs, drawn, distinct=self.examples, side=self.side, discount=self.discount)
         epochs, total = self._stages(network, pairs)
-        return TrainingPlan(epochs, total, partial(validate, network, lru_cache(validation)))
+        pixels = [pixel for file in self._files(data, "train") if (pixel := exposure_pixel(file)) is not None]
+        held_out = self._files(data, "validation")[: self.reconstructed]
+        tried = ClosedLoop(held_out, (self.lowest_ma, self.highest_ma), self.seed) if held_out else None
+        check = partial(_checked, network, lru_cache(validation), tried)
+        return TrainingPlan(epochs, total, check, finest_pixel=min(pixels, default=None))
 
     def _stages(self, network: nn.Module, pairs: Callable[..., Pairs]) -> tuple[Callable[..., Iterator[Epoch]], int]:
         dosed = pairs(kind="dose", seed=self.seed + 1)
@@ -120,17 +126,19 @@ class Supervised(Schedule):
             ValueError: If the part is empty, an option is out of range, or the network of the loop is
                 noise-conditioned.
         """
-        loop, datasets = self._loop(device), (data, *self.also)
-        files = [dataset / name for dataset in datasets for name in read_manifest(dataset).files(split)]
+        loop, datasets, files = self._loop(device), (data, *self.also), self._files(data, split)
         if not files:
             raise ValueError(f"{data} has no patients for {split}; simulate more of them.")
         towards: dict[str, Any] = {"reference": self.reference}
         if self.reference == "noise-free":
-            towards = {"reference": QUIET_MA, "make_references": (FBPImages(), loop.undisturbed())}
+            towards["make_references"] = (FBPImages(), loop.undisturbed())
         currents, source = (self.lowest_ma, self.highest_ma), " ".join(_manifests(datasets))
         options = {"seed": self.seed, "tube_currents_ma": currents, "source": source, **towards}
         examples = Examples(files, FBPImages(), (loop,), **options)
         return examples if self.cache is None else CachedExamples(examples, self.cache)
+
+    def _files(self, data: Path, split: Split) -> list[Path]:
+        return [dataset / name for dataset in (data, *self.also) for name in read_manifest(dataset).files(split)]
 
     def _loop(self, device: torch.device) -> LoopImages:
         """The ADMM loop that images are taken from."""
@@ -211,7 +219,7 @@ class SingleScan(Schedule):
             )
         pairs = SplitViewPairs(view_subset_images(scan, grid, self.parts), self.seed, side=self.side)
         options = {"stage": "single-scan", "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
-        return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict)
+        return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict, finest_pixel=grid.spacing)
 
 
 METHODS: dict[str, type[Supervised | SingleScan | NeighbouringSlices]] = {
@@ -222,6 +230,11 @@ METHODS: dict[str, type[Supervised | SingleScan | NeighbouringSlices]] = {
     "neighbouring-slices": NeighbouringSlices,
 }
 """The methods by their names."""
+
+
+def _checked(D: nn.Module, examples: Callable[[int], Example], tried: ClosedLoop | None) -> dict[str, float]:
+    """How far the network is from references, and plug-and-play around it from the truth if that is asked for."""
+    return validate(D, examples) | (tried(D) if tried else {})
 
 
 def _manifests(datasets: Sequence[Path]) -> list[str]:

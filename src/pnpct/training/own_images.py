@@ -134,7 +134,10 @@ class NeighbouringSlices(Schedule):
         held_out = self._pairs(of["validation"], augment=False, side=None)
         options = {"stage": self._stage(), "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
         return TrainingPlan(
-            partial(train, network, pairs, **options), self.epochs, partial(_validate, network, held_out)
+            partial(train, network, pairs, **options),
+            self.epochs,
+            partial(_validate, network, held_out),
+            finest_pixel=min(series.plane.spacing for series in pairs.noisy),
         )
 
     def patients(self, folder: Path) -> dict[Split, list[Path]]:

@@ -15,13 +15,15 @@ class TrainingPlan:
     Args:
         epochs: From the epoch to continue `after`, if any, to those that follow; the weights of the network change.
         total: How many epochs there are.
-        validate: Returns how far the network is from references now, HU, for inputs of FBP and of the loop; nothing
-            where no reference is known.
+        validate: Returns how far the network is from references now, HU, for inputs of FBP and of the loop, and images
+            around it from the truth if that is asked for; nothing where no reference is known.
+        finest_pixel: Smallest pixels of the images that it learns from, mm; None where that is not known.
     """
 
     epochs: Callable[..., Iterator[Epoch]]
     total: int
     validate: Callable[[], dict[str, float]]
+    finest_pixel: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
