@@ -1,6 +1,7 @@
 """Large pixels are divided where the data say more than they can hold, and averaged again."""
 
 from dataclasses import replace
+from itertools import islice
 
 import pytest
 import torch
@@ -11,7 +12,7 @@ from pnpct.files import load_denoiser
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram, take_log
-from pnpct.reconstruction import PlugAndPlay, finer_pixels
+from pnpct.reconstruction import TVPWLS, ADMMState, PlugAndPlay, finer_pixels, methods
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
 from pnpct.reconstruction.half_resolution import coarser_grid, doubled, halved
 from pnpct.reconstruction.whole_object import Whole
@@ -62,7 +63,7 @@ def test_pixels_stay_where_the_denoiser_does_not_know_smaller_ones(chest, denois
     assert on_finer_pixels(whole, KNOWING).A.grid == whole.asked.halved
 
 
-def test_pixels_stay_where_noise_or_streaks_would_be_taken_for_anatomy(chest):
+def test_pixels_stay_where_noise_or_streaks_would_be_taken_for_anatomy(chest, monkeypatch):
     sinogram, A, truth = chest
     noisy = replace(sinogram, weights=DiagonalWeights(1e-4 * sinogram.weights.diagonal, A.geometry.shape))
     metal = torch.zeros_like(truth)
@@ -70,11 +71,37 @@ def test_pixels_stay_where_noise_or_streaks_would_be_taken_for_anatomy(chest):
     for rays in (noisy, replace(sinogram, line_integrals=sinogram.line_integrals + A(metal))):
         whole = Whole(rays, A, A.grid)
         assert on_finer_pixels(whole, KNOWING) is whole
-    few = A.geometry[::6]
-    weights = DiagonalWeights(sinogram.weights.diagonal[::6], few.shape)
-    rays = Sinogram(sinogram.line_integrals[::6], weights)
-    whole = Whole(rays, Projector(A.grid, few, mu_water=A.mu_water), A.grid)
+    monkeypatch.setattr(finer_pixels, "FINEST", 0.1)
+    with_more = ImageGrid(230, 230, A.grid.spacing * 96 / 230)  # more pixels than rays
+    whole = Whole(*of_every(1, sinogram, A, with_more), with_more)
     assert on_finer_pixels(whole, KNOWING) is whole
+
+
+def test_few_views_keep_no_pixel_whole_and_leave_less_room_for_streaks(chest, monkeypatch):
+    sinogram, A, truth = chest
+    few = of_every(4, sinogram, A, A.grid)
+    whole = Whole(*few, A.grid)
+    assert on_finer_pixels(whole, KNOWING).A.grid == A.grid.halved
+    errors = [rmse_hu(method(*few).image, truth, mask=body_mask(truth)) for method in (PlugAndPlay(KNOWING), TVPWLS())]
+    assert errors[0] < 0.9 * errors[1]
+    used = []
+
+    def noting(*_, sigma_v, **__):
+        used.append([*islice(sigma_v, 20)][-1])
+        return iter(())
+
+    monkeypatch.setattr(methods, "pnp_admm", noting)
+    for rays in ((sinogram, A), of_every(4, sinogram, A, A.grid.halved)):
+        PlugAndPlay(KNOWING, sigma_v=50.0).states(*rays, ADMMState.start(torch.ones(rays[1].grid.shape)))
+    assert [float(last) for last in used] == [50.0, 25.0]
+
+
+def of_every(number, sinogram, A, grid):
+    """The rays of every so many views, and their projector."""
+    geometry = A.geometry[::number]
+    weights = DiagonalWeights(sinogram.weights.diagonal[::number], geometry.shape)
+    rays = Sinogram(sinogram.line_integrals[::number], weights)
+    return rays, Projector(grid, geometry, mu_water=A.mu_water)
 
 
 def test_images_of_many_pixels_and_pixels_below_the_cells_of_the_detector_stay(chest, monkeypatch):

@@ -1,9 +1,13 @@
+import math
+from dataclasses import replace
+
 import torch
 
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import Scan, Sinogram, simulate_counts, take_log
 from pnpct.reconstruction import fbp, starting_state
+from pnpct.reconstruction.starting import far_apart
 
 
 def scanned(image: torch.Tensor, A: Projector) -> Sinogram:
@@ -26,6 +30,23 @@ def test_admm_begins_with_less_noise_than_fbp_has() -> None:
     error, of_fbp = (float((image - disk)[inside].square().mean().sqrt()) for image in (state.v, smooth))
     assert error < 0.5 * of_fbp
     assert not state.u.any()
+
+
+def test_where_views_are_far_apart_it_begins_without_their_streaks() -> None:
+    grid = ImageGrid(96, 96, spacing=3.0)
+    geometry = FanBeam(evenly_spaced_views(40), 128, source_to_isocenter=541.0, source_to_detector=949.0, bin_width=4.5)
+    A = Projector(grid, geometry)
+    assert far_apart(A)
+    golden = tuple(number * math.pi * (3 - 5**0.5) for number in range(100))  # whatever their order
+    for angles in (evenly_spaced_views(100), golden):
+        assert not far_apart(Projector(grid, replace(geometry, view_angles=angles)))
+    x, y = torch.from_numpy(grid.x), torch.from_numpy(grid.y)[:, None]
+    inside = x**2 + y**2 < 85.0**2
+    body = (x**2 + y**2 < 100.0**2).float() + 0.8 * ((x - 40) ** 2 + y**2 < 15.0**2).float()
+    sinogram = scanned(body, A)
+    images = starting_state(sinogram, A).v, fbp(sinogram.line_integrals, A, kernel="soft")
+    error, of_fbp = (float((image - body)[inside].square().mean().sqrt()) for image in images)
+    assert error < 0.6 * of_fbp
 
 
 def test_bones_are_those_of_fbp(grid: ImageGrid, geometry: FanBeam, disk: torch.Tensor) -> None:

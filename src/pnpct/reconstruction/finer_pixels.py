@@ -7,6 +7,7 @@ from pnpct.denoisers.learned import DENSEST, LearnedDenoiser
 from pnpct.operators import Projector
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import balanced_sigma_v
+from pnpct.reconstruction.starting import far_apart
 from pnpct.reconstruction.whole_object import Whole
 
 CERTAIN = 45.0
@@ -28,7 +29,7 @@ def on_finer_pixels(whole: Whole, denoise: Denoise) -> Whole:
     Pixels larger than the cells of the detector cannot hold what the rays have seen of edges, and most of the error of
     a good image is there; a network that has learnt from smaller pixels blurs fine detail too. The images are averaged
     again in the end. With metal, or fewer rays than pixels, all stays as it is: streaks would be sharper, and the
-    network keep them.
+    network keep them; unless it is views that are few, where total variation takes the streaks away first.
 
     Args:
         whole: Rays, and the pixels that hold the object.
@@ -38,13 +39,14 @@ def on_finer_pixels(whole: Whole, denoise: Denoise) -> Whole:
     finer = A.grid.halved
     known = isinstance(denoise, LearnedDenoiser) and denoise.finest_pixel and finer.spacing >= denoise.finest_pixel
     pixels, views, bins = A.grid.rows * A.grid.cols, *A.geometry.shape
-    enough_rays = views * bins >= pixels and not A.geometry.limited_angle
+    divided = Projector(finer, A.geometry, mu_water=A.mu_water, method=A.method)
+    few_views = far_apart(divided)
+    enough_rays = (views * bins >= pixels or few_views) and not A.geometry.limited_angle
     if not known or not enough_rays or pixels > LARGEST or finer.spacing < FINEST * A.geometry.bin_width_at_isocenter:
         return whole
-    noisy = bool((balanced_sigma_v(sinogram, A) > CERTAIN).any())
+    certain = (2 if few_views else 1) * CERTAIN  # total variation has taken most of the noise too
+    noisy = bool((balanced_sigma_v(sinogram, A) > certain).any())
     if noisy or bool((fbp(sinogram.line_integrals, A) > DENSEST).any()):
         return whole
     note = f"Reconstructed on pixels of {finer.spacing:.4g} mm, and averaged to those that were asked for."
-    return replace(
-        whole, A=Projector(finer, A.geometry, mu_water=A.mu_water, method=A.method), notes=(*whole.notes, note)
-    )
+    return replace(whole, A=divided, notes=(*whole.notes, note))

@@ -22,7 +22,14 @@ from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sig
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Progress, Reconstruction, unwatched
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, check_in_space, solver_by_name
-from pnpct.reconstruction.starting import IN_SPACE, STRENGTH, around_total_variation, possible, starting_state
+from pnpct.reconstruction.starting import (
+    IN_SPACE,
+    STRENGTH,
+    around_total_variation,
+    far_apart,
+    possible,
+    starting_state,
+)
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.tilted_volume import StartingImage, tilted_volume
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
@@ -33,6 +40,9 @@ FIRST = 3.0
 
 FALL = 0.6
 """σ_v in each of the first iterations over that of the one before."""
+
+AMONG_STREAKS = 0.5
+"""σ_v where views are far apart over that elsewhere: what it lets into x + u are streaks, which networks keep."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +159,7 @@ class PlugAndPlay:
     Args:
         denoise: D, with its strength inside.
         sigma_v: Standard deviation to which the denoised image is trusted in the end, HU, > 0. The default suits all
-            doses and all sizes of patients.
+            doses and all sizes of patients. Where views are far apart, half of it is taken.
         damping: Fraction of u that each iteration drops, 0 to 1; the paper's ADMM has 0.
         iterations: Maximum number of iterations, at least 1.
         stop: Stopping rule that may end the iterations earlier.
@@ -194,13 +204,14 @@ class PlugAndPlay:
         """Yield the iterates from a state on, for ever."""
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
         balanced = balanced_sigma_v(sinogram, A, start.v)
-        first = balanced.maximum((FIRST * balanced).clamp(max=FIRST * self.sigma_v))
+        last = self.sigma_v * (AMONG_STREAKS if far_apart(A) else 1.0)
+        first = balanced.maximum((FIRST * balanced).clamp(max=FIRST * last))
         return pnp_admm(
             sinogram,
             A,
             possible(self.denoise, A),
             start,
-            sigma_v=falling(first, self.sigma_v),
+            sigma_v=falling(first, last),
             damping=self.damping,
             solver=solver,
         )

@@ -1,8 +1,10 @@
 """Total variation in the loop: TV-PWLS, and where plug-and-play begins."""
 
+import math
 from collections.abc import Iterator
 from itertools import islice
 
+import numpy as np
 import torch
 from torch.nn import functional
 
@@ -37,6 +39,13 @@ BONE = (1.1, 1.3)
 TOLERANCE = 1e-3
 """Of the proximal map, image: 1 HU."""
 
+FAR_APART = 7.0
+"""Pixels between neighbouring views at the border of the field of view, beyond which FBP has too many streaks to begin
+with. Clinical scanners have 2 to 4."""
+
+ITERATIONS_BETWEEN_VIEWS = 12
+"""Iterations around total variation, at full resolution, where views are that far apart."""
+
 ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
 """Iterations around total variation where there is metal, and its strength, image × pixel, whatever the dose is."""
 
@@ -58,7 +67,8 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
     that the weighted data and total variation correct them at half the resolution, at an eighth of the cost. Total
     variation removes faint detail too; in a mixture of both images the network finds either. Bones stand out of the
     noise, and total variation would lower them: they are those of FBP. Streaks of metal are too strong for all that,
-    and no matter of noise: there it is total variation alone, and more of it.
+    and no matter of noise: there it is total variation alone, and more of it. Where the views are `FAR_APART`, FBP has
+    streaks everywhere, which networks keep: there it is total variation alone too, of all rays.
 
     Args:
         sinogram: Line integrals and weights.
@@ -80,7 +90,21 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
     if bool(metal.any()):
         states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=balanced_sigma_v(sinogram, A))
         start = torch.where(metal, _after(ITERATIONS_AT_METAL, states), start)
+    elif far_apart(A):
+        states = around_total_variation(sinogram, A, smooth, strength=STRENGTH)
+        start = _after(ITERATIONS_BETWEEN_VIEWS, states)
     return ADMMState.start(start)
+
+
+def far_apart(A: AnyProjector) -> bool:
+    """Return whether there are so many pixels between neighbouring views that FBP has more streaks than anatomy.
+
+    Views may come in any order, and in several turns. A cone beam has thousands of views.
+    """
+    if not isinstance(A, Projector):
+        return False
+    step = min(float(np.ptp(A.geometry.view_angles)), 2 * math.pi) / max(A.geometry.views - 1, 1)
+    return step * A.geometry.field_of_view_radius > FAR_APART * A.grid.spacing
 
 
 def around_total_variation(
