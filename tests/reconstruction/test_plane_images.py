@@ -8,7 +8,7 @@ from pnpct.geometry import ImageGrid, VolumeGrid
 from pnpct.operators import processes
 from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import FBP, reconstruct_volume
-from pnpct.reconstruction.plane_images import _unpacked
+from pnpct.reconstruction.parts import _unpacked
 
 GRID = VolumeGrid(ImageGrid(24, 24, spacing=10.0), slices=5, slice_spacing=1.0, z=25.0)
 

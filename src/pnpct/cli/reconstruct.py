@@ -24,7 +24,16 @@ from pnpct.geometry import DEFAULT_SIZE, ConeBeam, ImageGrid, TiltedPlanes, Volu
 from pnpct.operators import Projector
 from pnpct.operators.same_bytes import compute_same_bytes
 from pnpct.physics import Scan, take_log, unmeasured_and_dead
-from pnpct.reconstruction import ADMMState, Method, Slab, check_covered, reconstruct_volume
+from pnpct.reconstruction import (
+    SLAB,
+    ADMMState,
+    Method,
+    Slab,
+    check_covered,
+    reconstruct_cone_volume,
+    reconstruct_volume,
+    slices_together,
+)
 
 _OF_TRUTH = "that of the truth in the scan; without one,"
 
@@ -117,17 +126,19 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
         )
         check_covered(planes, grid, self.thickness or 0.0)
         method = self.across_slices(method, planes, grid)
-        settings = {**method.settings, **options, "grid": asdict(grid), "device": device.type}
+        in_space = self.geometry == "cone"
+        of_beam = {"geometry": "cone"} if in_space else {}
+        together = slices_together(grid, geometry) if in_space else SLAB
+        settings = {**method.settings, **of_beam, **options, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
 
         rays, workers = RaysOfFile(self.scan, device), self.workers()
 
         def slabs(first: int) -> Iterator[Slab]:
-            return reconstruct_volume(
-                rays, geometry, grid, method, mu_water=mu_water, first=first, **options, **workers
-            )
+            reconstruct = reconstruct_cone_volume if in_space else reconstruct_volume
+            return reconstruct(rays, geometry, grid, method, mu_water=mu_water, first=first, **options, **workers)
 
-        with volume_of_slabs(slabs, self.image, grid, provenance) as volume:
+        with volume_of_slabs(slabs, self.image, grid, provenance, together=together) as volume:
             self.finish_image(
                 self.image,
                 volume,
@@ -135,7 +146,7 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
                 provenance=provenance,
                 scan=self.scan,
                 slice_thickness=self.thickness,
-                also=_of_the_cone(planes, grid),
+                also="" if in_space else _of_the_cone(planes, grid),
             )
 
 

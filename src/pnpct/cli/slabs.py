@@ -38,7 +38,12 @@ class RaysOfFile:
 
 @contextmanager
 def volume_of_slabs(
-    slabs: Callable[[int], Iterator[Slab]], output: Path, grid: VolumeGrid, provenance: Provenance
+    slabs: Callable[[int], Iterator[Slab]],
+    output: Path,
+    grid: VolumeGrid,
+    provenance: Provenance,
+    *,
+    together: int = SLAB,
 ) -> Iterator[Volume]:
     """Have what is missing of a volume made and stored, and give all of it; then the stored slabs are removed.
 
@@ -47,6 +52,7 @@ def volume_of_slabs(
         output: Where the volume will be.
         grid: Its slices.
         provenance: How it is made.
+        together: Slices of a slab.
 
     Yields:
         The volume.
@@ -60,7 +66,7 @@ def volume_of_slabs(
         done = folder.slices
         if done:
             say(f"{done} of {grid.slices} slices are done already, in {folder.path}.")
-        for slab in track(slabs(done), total=math.ceil((grid.slices - done) / SLAB), of="Slabs"):
+        for slab in track(slabs(done), total=math.ceil((grid.slices - done) / together), of="Slabs"):
             folder.write(slab.first, slab.image)
         yield folder.read()
         folder.remove()

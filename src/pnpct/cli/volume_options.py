@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pnpct.cli.grids import plane_for
 from pnpct.cli.parsing import given_options, option
@@ -11,12 +11,14 @@ from pnpct.denoisers import AcrossSlices
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.reconstruction import (
+    FBP,
     TVPWLS,
     Method,
     PlugAndPlay,
     covered_grid,
     plane_distance,
     planes_of_a_row,
+    slice_distance,
 )
 
 _COVERED = "as many as the scan covers"
@@ -27,6 +29,8 @@ class VolumeOptions:
     """Slices of a scan with several detector rows; None where not given, since an option that is given has an effect.
 
     Args:
+        geometry: tilted reconstructs planes that are tilted with the helix, each on its own, and slices between them;
+            cone fits volumes to all rays as they are.
         slices: Number of slices.
         slice_spacing: Distance between the centres of neighbouring slices, mm.
         thickness: Slice thickness, mm: each slice is the mean over it; 0 is as thin as the detector rows allow.
@@ -36,19 +40,20 @@ class VolumeOptions:
             further, as a control.
         slice_agreement_hu: Neighbouring planes within one detector row are averaged by the prior of pnp where they
             agree to this difference, HU; 0 denoises each plane on its own.
-        across: Weight of differences between neighbouring planes in the total variation of tv, relative to those
-            between neighbouring pixels.
-        processes: Number of processes that share the planes and the cores.
-        cluster: Address of the scheduler of a Dask cluster, whose workers reconstruct the planes.
+        across: Weight of differences between neighbouring planes or slices in the total variation of tv, relative
+            to those between neighbouring pixels.
+        processes: Number of processes that share the planes, or the slabs of a cone, and the cores.
+        cluster: Address of the scheduler of a Dask cluster, whose workers reconstruct these.
     """
 
+    geometry: Annotated[Literal["cone", "tilted"] | None, option(default="tilted")] = None
     slices: Annotated[int | None, option(default=_COVERED)] = None
     slice_spacing: Annotated[float | None, option(default="that of the truth, or the height of a row")] = None
     thickness: Annotated[float | None, option(default=0)] = None
     plane_spacing: Annotated[float | None, option(default="half the height of a row, or all for thick slices")] = None
     rebinning: Annotated[Rebinning | None, option(default="tilted")] = None
     slice_agreement_hu: Annotated[float | None, option(default=AcrossSlices.agreement_hu)] = None
-    across: Annotated[float | None, option(default=TVPWLS.across)] = None
+    across: Annotated[float | None, option(default="0; with --geometry cone that of space")] = None
     processes: Annotated[int | None, option(default=1)] = None
     cluster: Cluster = None
 
@@ -65,11 +70,21 @@ class VolumeOptions:
             )
 
     def of_planes(self) -> dict[str, Any]:
-        """Return the given options of `reconstruct_volume`."""
-        return given_options(self, ("thickness", "plane_spacing", "rebinning"))
+        """Return the given options of `reconstruct_volume`, or of `reconstruct_cone_volume`.
+
+        Raises:
+            ValueError: If one is of planes, and there are none.
+        """
+        options = given_options(self, ("thickness", "plane_spacing", "rebinning"))
+        for name in (*options,) if self.geometry == "cone" else ():
+            if name != "thickness":
+                raise ValueError(
+                    f"--{name.replace('_', '-')} is of planes, and --geometry cone has none; leave it out."
+                )
+        return options
 
     def across_slices(self, method: Method, planes: TiltedPlanes, grid: VolumeGrid) -> Method:
-        """Return the method as it suits a volume: the prior sees the planes within one detector row.
+        """Return the method as it suits a volume: the prior sees the planes or slices within one detector row.
 
         Args:
             method: For one plane.
@@ -79,6 +94,8 @@ class VolumeOptions:
         Raises:
             ValueError: If an option is given for another method, or is out of range.
         """
+        if self.geometry == "cone" and isinstance(method, FBP):
+            raise ValueError("--geometry cone is for --method pnp or tv; fbp is made of planes, so leave it out.")
         suits = {"slice_agreement_hu": PlugAndPlay, "across": TVPWLS}
         for name in given_options(self, suits):
             if not isinstance(method, suits[name]):
@@ -88,9 +105,10 @@ class VolumeOptions:
             given = self.slice_agreement_hu
             agreement_hu = AcrossSlices.agreement_hu if given is None else given
             distance = plane_distance(planes, grid, self.thickness or 0.0, self.plane_spacing)
+            distance = slice_distance(grid, planes.geometry) if self.geometry == "cone" else distance
             reach = planes_of_a_row(planes, distance)
             return replace(method, denoise=AcrossSlices(method.denoise, agreement_hu, reach))
-        return replace(method, across=self.across) if isinstance(method, TVPWLS) and self.across else method
+        return replace(method, across=self.across) if isinstance(method, TVPWLS) and self.across is not None else method
 
     def workers(self) -> dict[str, Any]:
         """Return who reconstructs the planes, as options of `reconstruct_volume`.

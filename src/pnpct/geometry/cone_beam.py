@@ -15,6 +15,9 @@ Points = NDArray[np.float64]
 DEFAULT_SIZE = 512
 """Rows and columns of an image whose size was not given."""
 
+LIMITED = math.radians(12.0)
+"""Views leave directions unmeasured if neighbouring ones, opposite views taken for the same, are farther apart."""
+
 
 @dataclass(frozen=True)
 class ConeBeam:
@@ -134,6 +137,12 @@ class ConeBeam:
     def field_of_view_radius(self) -> float:
         """Radius of the circle about the axis that the wider side of the fan reaches, mm."""
         return self.source_to_isocenter * math.sin(self._widest_fan_angle)
+
+    @property
+    def limited_angle(self) -> bool:
+        """Whether the views leave directions unmeasured."""
+        directions = np.sort(np.mod(self.trajectory.angles, math.pi))
+        return bool(np.diff(directions, append=directions[0] + math.pi).max() > LIMITED)
 
     @property
     def _widest_fan_angle(self) -> float:

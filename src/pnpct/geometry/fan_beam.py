@@ -14,9 +14,6 @@ from pnpct.geometry.detector import Detector
 from pnpct.geometry.image_grid import ImageGrid
 from pnpct.geometry.trajectory import Trajectory, Views
 
-LIMITED = math.radians(12.0)
-"""Views leave directions unmeasured if neighbouring ones, opposite views taken for the same, are farther apart."""
-
 
 @dataclass(frozen=True)
 class FanBeam:
@@ -145,8 +142,7 @@ class FanBeam:
     @property
     def limited_angle(self) -> bool:
         """Whether the views leave directions unmeasured."""
-        directions = np.sort(np.mod(self.view_angles, math.pi))
-        return bool(np.diff(directions, append=directions[0] + math.pi).max() > LIMITED)
+        return self.cone_beam.limited_angle
 
     def grid(self, size: int = DEFAULT_SIZE) -> ImageGrid:
         """Return square pixels over the field of view of the fan, as `ConeBeam.grid` does."""

@@ -1,6 +1,7 @@
 """From a sinogram to an image: the methods, plug-and-play ADMM and its solvers, filtered back-projection."""
 
 from pnpct.reconstruction.bone import corrected_for_bone
+from pnpct.reconstruction.cone_volume import reconstruct_cone_volume, slice_distance, slices_together
 from pnpct.reconstruction.covered import check_covered, covered_grid, covered_slices, plane_distance, planes_of_a_row
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.methods import (
@@ -8,15 +9,13 @@ from pnpct.reconstruction.methods import (
     METHODS,
     TVPWLS,
     DenoisedFBP,
-    Method,
     PlugAndPlay,
-    Progress,
     reconstruct,
 )
 from pnpct.reconstruction.normal_equations import mean_diagonal
 from pnpct.reconstruction.plane_images import RaysOfViews
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
-from pnpct.reconstruction.reconstructed import Reconstruction
+from pnpct.reconstruction.reconstructed import Method, Progress, Reconstruction
 from pnpct.reconstruction.solvers import SolverName, solver_by_name
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.stopping import STOP_RULES, RuleName, change, paper_rule, relative_rule, until
@@ -52,8 +51,11 @@ __all__ = [
     "pnp_admm",
     "rebin",
     "reconstruct",
+    "reconstruct_cone_volume",
     "reconstruct_volume",
     "relative_rule",
+    "slice_distance",
+    "slices_together",
     "solver_by_name",
     "starting_state",
     "until",

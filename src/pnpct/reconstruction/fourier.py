@@ -17,8 +17,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pnpct.arrays import Image
-from pnpct.operators import Projector
+from pnpct.arrays import Image, Volume
+from pnpct.operators import AnyProjector, Projector
+from pnpct.operators.linear_operator import Shape
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.normal_equations import (
     INNER_ITERATIONS,
@@ -36,12 +37,15 @@ EVEN = 0.05
 AROUND = ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))
 """Where the points are whose responses make the spectrum of a limited angle, in thirds of the image from its middle."""
 
+LOWEST = 0.1
+"""Of the spectrum of a volume over its median; single values of it, near the axis, are off."""
+
 FAINTEST = 1e-3
 """A pixel of less certainty, relative to the median, counts as one that no ray meets."""
 
 
 def fourier(
-    sinogram: Sinogram, A: Projector, *, inner_iterations: int = INNER_ITERATIONS, levels: int = LEVELS
+    sinogram: Sinogram, A: AnyProjector, *, inner_iterations: int = INNER_ITERATIONS, levels: int = LEVELS
 ) -> Solve:
     """Make a solver of `inner_iterations` or more conjugate-gradient steps, preconditioned with `levels` levels.
 
@@ -50,7 +54,7 @@ def fourier(
     return warm_started(sinogram, A, inner_iterations, fourier_preconditioner(sinogram, A, levels=levels))
 
 
-def fourier_preconditioner(sinogram: Sinogram, A: Projector, *, levels: int = LEVELS) -> Preconditioner:
+def fourier_preconditioner(sinogram: Sinogram, A: AnyProjector, *, levels: int = LEVELS) -> Preconditioner:
     """Return what makes M⁻¹, as a map of images, for a β.
 
     Raises:
@@ -63,7 +67,7 @@ def fourier_preconditioner(sinogram: Sinogram, A: Projector, *, levels: int = LE
     seen = _seen_by_all_views(A).to(diagonal.device)
     measured = diagonal / A.gram_diagonal(torch.ones_like(weights)).clamp(min=1e-30)
     faintest = FAINTEST * float(measured.median())
-    spectrum = _spectrum(A, weights)
+    spectrum, dims = _spectrum(A, weights), A.domain_dims
 
     def for_penalty(beta: Tensor) -> Operator:
         knots, blends = _levels((beta / measured.clamp(min=faintest)).log(), seen, levels)
@@ -72,16 +76,16 @@ def fourier_preconditioner(sinogram: Sinogram, A: Projector, *, levels: int = LE
         filters = [1 / (spectrum + knot.exp()) for knot in knots]
         outer = certainty.rsqrt()
 
-        def of_one(image: Image, outer: Image, *blends: Image) -> Image:
+        def of_one(image: Image | Volume, outer: Image | Volume, *blends: Image | Volume) -> Image | Volume:
             inner = outer * image
             total = torch.zeros_like(inner)
             for response, blend in zip(filters, blends, strict=True):
                 # Wrapping around at the border costs no iterations; padding would cost four times the work.
-                transformed = torch.fft.rfft2(blend * inner) * response
-                total += blend * torch.fft.irfft2(transformed, s=image.shape[-2:])
+                transformed = torch.fft.rfftn(blend * inner, dim=dims) * response
+                total += blend * torch.fft.irfftn(transformed, s=A.domain_shape, dim=dims)
             return outer * total
 
-        def precondition(image: Image) -> Image:
+        def precondition(image: Image | Volume) -> Image | Volume:
             # One image after another: the spectra of a batch are larger than the cache, and take five times as long.
             parts = [part.expand(image.shape).reshape(-1, *A.domain_shape) for part in (image, outer, *blends)]
             return torch.stack([of_one(*each) for each in zip(*parts, strict=True)]).view(image.shape)
@@ -91,23 +95,31 @@ def fourier_preconditioner(sinogram: Sinogram, A: Projector, *, levels: int = LE
     return for_penalty
 
 
-def _seen_by_all_views(A: Projector) -> Tensor:
+def _seen_by_all_views(A: AnyProjector) -> Tensor:
     """Return where no view leaves a pixel out, or everywhere if there is none: the levels are spread over these."""
-    radius = np.hypot(A.grid.x, A.grid.y[:, None])
-    seen: Tensor = torch.from_numpy(radius <= A.geometry.field_of_view_radius - 2 * A.grid.spacing)
-    return seen if bool(seen.any()) else torch.ones_like(seen)
+    plane = A.grid if isinstance(A, Projector) else A.grid.plane
+    radius = np.hypot(plane.x, plane.y[:, None])
+    seen: Tensor = torch.from_numpy(radius <= A.geometry.field_of_view_radius - 2 * plane.spacing)
+    seen = seen if bool(seen.any()) else torch.ones_like(seen)
+    return seen.expand(A.domain_shape)
 
 
-def _spectrum(A: Projector, like: Tensor) -> Tensor:
+def _spectrum(A: AnyProjector, like: Tensor) -> Tensor:
     """Return the spectrum Λ of AᵀA from its response to a point in the middle.
+
+    In a volume each place is met from some directions more often than from others. On the mean over the volume none is
+    preferred: Λ is the mean around the axis.
 
     Of a limited angle the response is too long for the image, along the rays: cut off at the border, it has a spectrum
     with negative values, which AᵀA has not; and the directions that are measured turn with the place in the fan. Then Λ
     is the mean over five points, each under a window of no negative spectrum.
     """
-    spectrum = torch.fft.rfft2(_response(A, like, (0, 0))).real
+    spectrum = torch.fft.rfftn(_response(A, like, (0, 0))).real
     floor = max(1e-3 * float(spectrum.abs().median()), 0.2 * float(spectrum.abs().min()))
-    if A.geometry.limited_angle:
+    if not isinstance(A, Projector):
+        spectrum = _around_the_axis(spectrum, A.domain_shape)
+        floor = LOWEST * float(spectrum.median())
+    elif A.geometry.limited_angle:
         rows, cols = A.grid.shape
         window = _triangle(rows, like)[:, None] * _triangle(cols, like)
         spectrum = torch.stack([torch.fft.rfft2(_response(A, like, place) * window).real for place in AROUND]).mean(0)
@@ -115,12 +127,23 @@ def _spectrum(A: Projector, like: Tensor) -> Tensor:
     return positive
 
 
-def _response(A: Projector, like: Tensor, place: tuple[int, int]) -> Image:
+def _response(A: AnyProjector, like: Tensor, place: tuple[int, int]) -> Image | Volume:
     """Return AᵀA of a point, turned to element 0; the place is in thirds of the image from its middle."""
-    row, col = (side // 2 + part * side // 3 for side, part in zip(A.grid.shape, place, strict=True))
-    point = like.new_zeros(A.grid.shape)
-    point[row, col] = 1.0
-    return torch.roll(A.adjoint(A(point)), (-row, -col), (0, 1))
+    shape = A.domain_shape
+    of_axes = (0,) * (len(shape) - 2) + place
+    middle = tuple(side // 2 + part * side // 3 for side, part in zip(shape, of_axes, strict=True))
+    point = like.new_zeros(shape)
+    point[middle] = 1.0
+    return torch.roll(A.adjoint(A(point)), [-each for each in middle], A.domain_dims)
+
+
+def _around_the_axis(spectrum: Tensor, shape: Shape) -> Tensor:
+    """Return the means over rings of one frequency in the plane, of the half of a spectrum that rfftn gives."""
+    rows, cols = (torch.fft.fftfreq(shape[-2])[:, None], torch.fft.rfftfreq(shape[-1]))
+    ring = (torch.hypot(rows, cols) * max(shape[-2:])).round().long().to(spectrum.device)
+    number = ring.flatten()
+    sums = spectrum.new_zeros(shape[0], int(ring.max()) + 1).index_add(1, number, spectrum.flatten(1))
+    return (sums / number.bincount())[:, ring]
 
 
 def _triangle(length: int, like: Tensor) -> Tensor:
@@ -129,7 +152,7 @@ def _triangle(length: int, like: Tensor) -> Tensor:
     return 1 - 2 * torch.minimum(number, length - number) / length
 
 
-def _levels(scaled: Image, seen: Tensor, levels: int) -> tuple[Tensor, list[Image]]:
+def _levels(scaled: Image | Volume, seen: Tensor, levels: int) -> tuple[Tensor, list[Image | Volume]]:
     """Return the logarithms of the levels, and for each the square root of its share in each pixel that is seen."""
     values = scaled[..., seen].flatten().sort().values
     low, high = (float(values[int(part * (len(values) - 1))]) for part in (0.002, 0.998))

@@ -4,15 +4,15 @@ Their fields are the options, and the only place of their defaults: the command 
 user's three lines of Python read them here, and give the same image.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any
 
 from torch import Tensor
 
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation, denoiser_settings
-from pnpct.operators import Kernel, Projector
+from pnpct.operators import AnyProjector, ConeProjector, Kernel, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.dead_modules import filled_from_image
@@ -20,11 +20,20 @@ from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
-from pnpct.reconstruction.reconstructed import Reconstruction
-from pnpct.reconstruction.solvers import ITERATIVE, SolverName, solver_by_name
-from pnpct.reconstruction.starting import STRENGTH, around_total_variation, far_apart, possible, starting_state
+from pnpct.reconstruction.reconstructed import Progress, Reconstruction, unwatched
+from pnpct.reconstruction.solvers import ITERATIVE, SolverName, check_in_space, solver_by_name
+from pnpct.reconstruction.starting import (
+    IN_SPACE,
+    STRENGTH,
+    around_total_variation,
+    far_apart,
+    possible,
+    starting_state,
+)
 from pnpct.reconstruction.stopping import RuleName, until
+from pnpct.reconstruction.tilted_volume import StartingImage, tilted_volume
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
+from pnpct.reconstruction.whole_volume import WholeVolume, corrected_for_bone_in, whole_volume
 
 FIRST = 3.0
 """σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
@@ -34,28 +43,6 @@ FALL = 0.6
 
 AMONG_STREAKS = 0.5
 """σ_v where views are far apart over that elsewhere: what it lets into x + u are streaks, which networks keep."""
-
-Progress: TypeAlias = Callable[[Iterator[ADMMState], int], Iterable[ADMMState]]
-"""From the iterates of a method, and their maximum number, to the same iterates, displayed or recorded as they pass."""
-
-
-@runtime_checkable
-class Method(Protocol):
-    """From a sinogram, and the projector of its rays, to an image; any batch of sinograms gives a batch of images."""
-
-    @property
-    def settings(self) -> Mapping[str, Any]:
-        """All that the image depends on besides the data, as plain values."""
-        ...
-
-    def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = ...) -> Reconstruction:
-        """Reconstruct."""
-        ...
-
-
-def unwatched(states: Iterator[ADMMState], _most: int) -> Iterable[ADMMState]:
-    """Let the iterates pass."""
-    return states
 
 
 @dataclass(frozen=True)
@@ -73,9 +60,11 @@ class FBP:
         """All that the image depends on besides the data, as plain values."""
         return {"method": "fbp", **asdict(self)}
 
-    def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
+    def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
+        if isinstance(A, ConeProjector):
+            return Reconstruction(tilted_volume(sinogram, A, self), self.settings)
         whole = beyond_fan(_corrected(sinogram, A), A)
         image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
         return Reconstruction(image, self.settings, notes=(*whole.notes, *lines_left_out(sinogram, A.geometry)))
@@ -98,7 +87,7 @@ class DenoisedFBP:
         """All that the image depends on besides the data, as plain values."""
         return {"method": "denoised-fbp", "kernel": self.kernel, **denoiser_settings(self.denoise)}
 
-    def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
+    def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
         made = FBP(self.kernel)(sinogram, A)
@@ -117,7 +106,8 @@ class TVPWLS:
     Args:
         strength: Of total variation over the noise, pixels, ≥ 0.
         across: Weight of differences between neighbouring slices, ≥ 0, where the last dimension of the batch is that of
-            slices; of total variation in space, pixel spacing over slice spacing. 0 leaves each slice on its own.
+            slices; of total variation in space, pixel spacing over slice spacing, which None is for a cone beam, with
+            `IN_SPACE` of the strength. 0 leaves each slice on its own, as None does in a fan beam.
         iterations: Maximum number of iterations, at least 1.
         stop: Stopping rule that may end the iterations earlier.
 
@@ -126,27 +116,33 @@ class TVPWLS:
     """
 
     strength: float = STRENGTH
-    across: float = 0.0
+    across: float | None = None
     iterations: int = 12
     stop: RuleName = "relative"
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength < float("inf"):
             raise ValueError(f"The strength of total variation is pixels from 0 up, got {self.strength:g}.")
-        TotalVariation(self.strength, across=self.across)
+        TotalVariation(self.strength, across=self.across or 0.0)
 
     @property
     def settings(self) -> Mapping[str, Any]:
         """All that the image depends on besides the data, as plain values."""
         return {"method": "tv", **asdict(self)}
 
-    def states(self, sinogram: Sinogram, A: Projector, start: ADMMState) -> Iterator[ADMMState]:
+    def states(self, sinogram: Sinogram, A: AnyProjector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
-        return around_total_variation(sinogram, A, start, strength=self.strength, across=self.across)
+        across, strength = self.across or 0.0, self.strength
+        if self.across is None and isinstance(A, ConeProjector):
+            across, strength = A.grid.plane.spacing / A.grid.slice_spacing, IN_SPACE * strength
+        return around_total_variation(sinogram, A, start, strength=strength, across=across)
 
-    def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
+    def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, _whole(sinogram, A), progress)
+        if isinstance(A, ConeProjector):
+            return _iterated(self, *_in_space(sinogram, A), progress)
+        whole = _whole(sinogram, A)
+        return _iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
 
 
 @dataclass(frozen=True)
@@ -204,10 +200,10 @@ class PlugAndPlay:
             "inner_iterations": self.inner_iterations or (INNER_ITERATIONS if self.solver in ITERATIVE else None),
         }
 
-    def states(self, sinogram: Sinogram, A: Projector, start: ADMMState) -> Iterator[ADMMState]:
+    def states(self, sinogram: Sinogram, A: AnyProjector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
-        balanced = balanced_sigma_v(sinogram, A)
+        balanced = balanced_sigma_v(sinogram, A, start.v)
         last = self.sigma_v * (AMONG_STREAKS if far_apart(A) else 1.0)
         first = balanced.maximum((FIRST * balanced).clamp(max=FIRST * last))
         return pnp_admm(
@@ -220,9 +216,13 @@ class PlugAndPlay:
             solver=solver,
         )
 
-    def __call__(self, sinogram: Sinogram, A: Projector, *, progress: Progress = unwatched) -> Reconstruction:
+    def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
-        return _iterated(self, on_finer_pixels(_whole(sinogram, A), self.denoise), progress)
+        if isinstance(A, ConeProjector):
+            check_in_space(self.solver)
+            return _iterated(self, *_in_space(sinogram, A), progress)
+        whole = on_finer_pixels(_whole(sinogram, A), self.denoise)
+        return _iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
 
 
 METHODS: dict[str, type[FBP | TVPWLS | PlugAndPlay]] = {"fbp": FBP, "pnp": PlugAndPlay, "tv": TVPWLS}
@@ -264,14 +264,19 @@ def _corrected(sinogram: Sinogram, A: Projector) -> Sinogram:
     return corrected_for_bone(filled_from_image(sinogram, A), A)
 
 
+def _in_space(sinogram: Sinogram, A: ConeProjector) -> tuple[WholeVolume, ADMMState]:
+    """Return the rays of a volume, and the state to begin from: two-dimensional iterations begin so, plane by plane."""
+    whole = whole_volume(sinogram, A)
+    row = A.geometry.row_height_at_isocenter
+    start = tilted_volume(sinogram, whole.A, StartingImage(), plane_spacing=row)
+    return corrected_for_bone_in(start, whole), ADMMState.start(start)
+
+
 def _iterated(
-    method: TVPWLS | PlugAndPlay,
-    whole: Whole,
-    progress: Progress,
+    method: TVPWLS | PlugAndPlay, whole: Whole | WholeVolume, start: ADMMState, progress: Progress
 ) -> Reconstruction:
     """Iterate until the rule of the method ends it."""
     sinogram, A = whole.sinogram, whole.A
-    start = starting_state(sinogram, A)
     states = until(method.states(sinogram, A, start), start, A, iterations=method.iterations, stop=method.stop)
     done, last = 0, start
     for number, state in enumerate(progress(states, method.iterations), start=1):

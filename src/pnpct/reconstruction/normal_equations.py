@@ -7,17 +7,17 @@ import torch
 from torch import Tensor
 from typing_extensions import override
 
-from pnpct.arrays import Image
-from pnpct.operators import LinearOperator, Projector
+from pnpct.arrays import Image, Volume
+from pnpct.operators import AnyProjector, LinearOperator, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 
-Operator: TypeAlias = Callable[[Image], Image]
+Operator: TypeAlias = Callable[[Image | Volume], Image | Volume]
 
-Solve: TypeAlias = Callable[[Image, Tensor, Image], Image]
+Solve: TypeAlias = Callable[[Image | Volume, Tensor, Image | Volume], Image | Volume]
 """(b, β, x) -> better x of (AᵀWA + β) x = b: x is the image to begin from, β in the units of AᵀWA."""
 
-MakeSolver: TypeAlias = Callable[[Sinogram, Projector], Solve]
+MakeSolver: TypeAlias = Callable[[Sinogram, AnyProjector], Solve]
 """(sinogram, A) -> Solve. What does not depend on β is worked out once."""
 
 Preconditioner: TypeAlias = Callable[[Tensor], Operator]
@@ -55,27 +55,44 @@ class NormalOperator(LinearOperator):
         self.domain_shape = self.range_shape = A.domain_shape
 
     @override
-    def forward(self, x: Image) -> Image:
+    def forward(self, x: Image | Volume) -> Image | Volume:
         """Return (AᵀWA + β) x."""
         return self.A.T(self.W(self.A(x))) + self.beta * x
 
     @override
-    def adjoint(self, y: Image) -> Image:
+    def adjoint(self, y: Image | Volume) -> Image | Volume:
         """Return the same."""
         return self.forward(y)
 
 
-def mean_diagonal(sinogram: Sinogram, A: Projector) -> Tensor:
+def mean_diagonal(sinogram: Sinogram, A: AnyProjector, first: Image | Volume | None = None) -> Tensor:
     """Return the mean of the diagonal of AᵀWA over the object: what the data of each image count in a pixel.
 
     The object is what exceeds 0.3 of water in a smooth FBP image; outside it the weights of rays through air would
-    dominate. If nothing does, the mean is over the whole image.
+    dominate. If nothing does, the mean is over the whole image. In a volume it is over the middle half of the slices:
+    those at its ends are met by fewer rays.
+
+    Args:
+        sinogram: Its weights are W.
+        A: The projector.
+        first: A first image, in which the object is found in a cone beam; in a fan beam FBP finds it.
 
     Returns:
-        1 over the square of attenuation relative to water, shape (*batch, 1, 1).
+        1 over the square of attenuation relative to water, shape (*batch, 1, 1), or with one more of a volume.
+
+    Raises:
+        ValueError: If a cone beam comes without a first image.
     """
     diagonal = A.gram_diagonal(sinogram.weights.diagonal)
-    inside = fbp(sinogram.line_integrals, A, kernel="soft") > OBJECT
+    if isinstance(A, Projector):
+        smooth = fbp(sinogram.line_integrals, A, kernel="soft")
+    elif first is not None:
+        end = A.grid.slices // 4
+        middle = slice(end, A.grid.slices - end)
+        diagonal, smooth = diagonal[..., middle, :, :], first[..., middle, :, :]
+    else:
+        raise ValueError("The object in a cone beam is found in a first image; give one.")
+    inside = smooth > OBJECT
     inside = inside | ~inside.any(dim=A.domain_dims, keepdim=True)
     diagonal = diagonal.expand(inside.shape)
     return (diagonal * inside).sum(A.domain_dims, keepdim=True) / inside.sum(A.domain_dims, keepdim=True)
@@ -93,22 +110,22 @@ def penalty_of(sigma_v: float | Tensor) -> Tensor:
     return (1000.0 / sigma_v).square()
 
 
-def balanced_sigma_v(sinogram: Sinogram, A: Projector) -> Tensor:
+def balanced_sigma_v(sinogram: Sinogram, A: AnyProjector, first: Image | Volume | None = None) -> Tensor:
     """Return the σ_v in HU of each image whose β is its `mean_diagonal`: there ADMM is fastest."""
-    return 1000.0 * mean_diagonal(sinogram, A).rsqrt()
+    return 1000.0 * mean_diagonal(sinogram, A, first).rsqrt()
 
 
 def conjugate_gradient(
     H: LinearOperator,
-    b: Image,
-    x: Image,
-    Hx: Image,
+    b: Image | Volume,
+    x: Image | Volume,
+    Hx: Image | Volume,
     *,
     iterations: int,
     most: int = 0,
     tolerance: float = 0.0,
     precondition: Operator | None = None,
-) -> tuple[Image, Image]:
+) -> tuple[Image | Volume, Image | Volume]:
     """Improve x towards H x = b by preconditioned conjugate gradients, each image of a batch on its own.
 
     1. r = b − H x, z = M⁻¹ r, p = z
@@ -134,10 +151,10 @@ def conjugate_gradient(
         Hestenes and Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409.
     """
 
-    def preconditioned(image: Image) -> Image:
+    def preconditioned(image: Image | Volume) -> Image | Volume:
         return precondition(image) if precondition else image
 
-    def dot(one: Image, other: Image) -> Tensor:
+    def dot(one: Image | Volume, other: Image | Volume) -> Tensor:
         return (one * other).sum(H.domain_dims, keepdim=True)
 
     r = b - Hx
@@ -180,10 +197,10 @@ def warm_started(
     """
     if iterations < 1:
         raise ValueError(f"Conjugate gradients need at least one iteration, got {iterations}.")
-    answered: list[Image] = []  # x and AᵀWA x
+    answered: list[Image | Volume] = []  # x and AᵀWA x
     prepared: list[Any] = []  # β and its M⁻¹
 
-    def solve(b: Image, beta: Tensor, x: Image) -> Image:
+    def solve(b: Image, beta: Tensor, x: Image | Volume) -> Image | Volume:
         H = NormalOperator(A, sinogram.weights, beta)
         if preconditioner and not (prepared and torch.equal(prepared[0], beta)):
             prepared[:] = [beta, preconditioner(beta)]
@@ -203,6 +220,6 @@ def warm_started(
     return solve
 
 
-def plain(sinogram: Sinogram, A: Projector, *, inner_iterations: int = INNER_ITERATIONS) -> Solve:
+def plain(sinogram: Sinogram, A: AnyProjector, *, inner_iterations: int = INNER_ITERATIONS) -> Solve:
     """Make a solver that takes plain conjugate-gradient steps."""
     return warm_started(sinogram, A, inner_iterations)

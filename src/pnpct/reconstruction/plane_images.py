@@ -1,7 +1,6 @@
-"""Images of the planes of a volume, made in this process, in several, or by a cluster."""
+"""Images of the planes of a volume."""
 
-import pickle
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TypeAlias
@@ -13,9 +12,8 @@ from pnpct.arrays import Volume
 from pnpct.geometry import FanBeam, ImageGrid, PlaneStack, TiltedPlanes
 from pnpct.geometry.tilted_planes import WINDOWS
 from pnpct.operators import Projector
-from pnpct.operators.processes import in_order
 from pnpct.physics import DiagonalWeights, Sinogram
-from pnpct.reconstruction.methods import Method
+from pnpct.reconstruction.reconstructed import Method
 from pnpct.reconstruction.tilted_slices import rebinned
 
 RaysOfViews: TypeAlias = Callable[[Sequence[int]], Sinogram]
@@ -63,42 +61,3 @@ class PlaneImages:
     def _sinogram_of(self) -> Callable[[int], Sinogram]:
         of_views = lru_cache(maxsize=self.planes.most_blocks)
         return of_views(lambda block: self.rays(self.planes.views_of(block).tolist()))
-
-
-def images_of_stacks(
-    images_of: PlaneImages, stacks: Sequence[PlaneStack], *, processes: int, cluster: str | None
-) -> Generator[Volume, None, None]:
-    """Yield the images of the stacks, in their order.
-
-    Args:
-        images_of: What makes them.
-        stacks: The stacks.
-        processes: Processes that share them, at least 1.
-        cluster: Address of the scheduler of a Dask cluster in place of these.
-
-    Raises:
-        OSError: If a process dies, or the cluster cannot be reached.
-        ValueError: If the rays or the method cannot be given to other processes.
-    """
-    if processes == 1 and cluster is None:
-        yield from map(images_of, stacks)
-        return
-    try:
-        packed = pickle.dumps(images_of)
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise ValueError(
-            "The rays and the method cannot be given to other processes: define their classes and functions at the top "
-            f"level of a module, or reconstruct in one process ({error})."
-        ) from error
-    yield from in_order(_images_of, [(packed, stack) for stack in stacks], processes=processes, cluster=cluster)
-
-
-def _images_of(packed: bytes, stack: PlaneStack) -> Volume:
-    return _unpacked(packed)(stack)
-
-
-@lru_cache(maxsize=1)
-def _unpacked(packed: bytes) -> PlaneImages:
-    """What a process makes all the stacks of a volume with."""
-    unpacked: PlaneImages = pickle.loads(packed)
-    return unpacked

@@ -25,10 +25,10 @@ from itertools import repeat
 import torch
 from torch import Tensor
 
-from pnpct.arrays import Image
+from pnpct.arrays import Image, Volume
 from pnpct.denoisers import Denoise
 from pnpct.geometry.short_repr import short_repr
-from pnpct.operators import Projector
+from pnpct.operators import AnyProjector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fourier import fourier
 from pnpct.reconstruction.normal_equations import MakeSolver, penalty_of
@@ -50,9 +50,9 @@ class ADMMState:
         ValueError: If the shapes differ.
     """
 
-    x: Image
-    v: Image
-    u: Image
+    x: Image | Volume
+    v: Image | Volume
+    u: Image | Volume
 
     __repr__ = short_repr
 
@@ -64,14 +64,14 @@ class ADMMState:
             )
 
     @classmethod
-    def start(cls, image: Image) -> "ADMMState":
+    def start(cls, image: Image | Volume) -> "ADMMState":
         """Begin from an image, usually that of filtered back-projection."""
         return cls(x=image, v=image, u=torch.zeros_like(image))
 
 
 def pnp_admm(
     sinogram: Sinogram,
-    A: Projector,
+    A: AnyProjector,
     denoise: Denoise,
     state: ADMMState,
     *,

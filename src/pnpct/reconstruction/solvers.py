@@ -15,8 +15,22 @@ SolverName = Literal["fourier", "cholesky", "cg", "dense-cholesky", "fbp-blend"]
 ITERATIVE: dict[str, Callable[..., Solve]] = {"fourier": fourier, "cholesky": cholesky, "cg": plain}
 """Solvers that take a few steps from the last x; they have `inner_iterations`."""
 
-DIRECT: dict[str, MakeSolver] = {"dense-cholesky": dense_cholesky, "fbp-blend": fbp_blend}
+DIRECT: dict[str, Callable[..., Solve]] = {"dense-cholesky": dense_cholesky, "fbp-blend": fbp_blend}
 """Solvers without iterations."""
+
+
+IN_SPACE: tuple[SolverName, ...] = ("fourier", "cg")
+"""Those that solve for volumes too."""
+
+
+def check_in_space(name: SolverName) -> None:
+    """Check that a solver is one for volumes.
+
+    Raises:
+        ValueError: If it is not.
+    """
+    if name not in IN_SPACE:
+        raise ValueError(f"The solver {name} is for images of a fan beam; in a cone beam take {' or '.join(IN_SPACE)}.")
 
 
 def solver_by_name(name: str, *, inner_iterations: int | None = None) -> MakeSolver:

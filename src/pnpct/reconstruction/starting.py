@@ -10,7 +10,7 @@ from torch.nn import functional
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.denoisers.learned import DENSEST
-from pnpct.operators import Projector
+from pnpct.operators import AnyProjector, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.half_resolution import at_half_resolution, doubled, halved
@@ -19,6 +19,9 @@ from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, pnp_admm
 
 STRENGTH = 1.5
 """Strength of total variation over the noise, pixels: at every dose near that of the least error."""
+
+IN_SPACE = 0.4
+"""Of that strength in space, where pixels have neighbours in three directions."""
 
 FIRST_ITERATIONS = 5
 """Iterations around total variation, at half the resolution, before a network sees an image."""
@@ -92,14 +95,19 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
     return ADMMState.start(start)
 
 
-def far_apart(A: Projector) -> bool:
-    """Return whether there are so many pixels between neighbouring views that FBP has more streaks than anatomy."""
+def far_apart(A: AnyProjector) -> bool:
+    """Return whether there are so many pixels between neighbouring views that FBP has more streaks than anatomy.
+
+    It is a matter of fan beams; of a cone the answer is no.
+    """
+    if not isinstance(A, Projector):
+        return False
     step = float(np.ptp(A.geometry.view_angles)) / max(A.geometry.views - 1, 1)
     return step * A.geometry.field_of_view_radius > FAR_APART * A.grid.spacing
 
 
 def around_total_variation(
-    sinogram: Sinogram, A: Projector, start: ADMMState, *, strength: float, across: float = 0.0
+    sinogram: Sinogram, A: AnyProjector, start: ADMMState, *, strength: float, across: float = 0.0
 ) -> Iterator[ADMMState]:
     """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, for ever.
 
@@ -115,8 +123,8 @@ def around_total_variation(
         strength: Pixels, ≥ 0.
         across: Weight of differences between slices in TV, as of `TotalVariation`.
     """
-    noise = balanced_sigma_v(sinogram, A)
-    if across and noise.ndim > 2:  # the proximal map of a volume has one strength
+    noise = balanced_sigma_v(sinogram, A, start.v)
+    if across and isinstance(A, Projector) and noise.ndim > 2:  # the proximal map of a volume has one strength
         noise = noise.mean(-3, keepdim=True).expand_as(noise)
     sigma_v = noise.clamp(max=2 * SIGMA_V)
     # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
@@ -125,7 +133,7 @@ def around_total_variation(
     return pnp_admm(sinogram, A, possible(lambda image: q * denoise(image / q), A), start, sigma_v=sigma_v)
 
 
-def possible(denoise: Denoise, A: Projector) -> Denoise:
+def possible(denoise: Denoise, A: AnyProjector) -> Denoise:
     """Return a denoiser without negative attenuation where the angle is limited; elsewhere the same denoiser.
 
     The data exclude negative values by themselves, unless directions are missing: then an image that fits has them

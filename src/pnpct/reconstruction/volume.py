@@ -14,8 +14,9 @@ from pnpct.geometry import ConeBeam, ImageGrid, Plane, Rebinning, TiltedPlanes, 
 from pnpct.geometry.plane_stack import Array, spanning
 from pnpct.geometry.short_repr import short_repr
 from pnpct.reconstruction.covered import check_covered, margin_of, plane_distance
-from pnpct.reconstruction.methods import Method
-from pnpct.reconstruction.plane_images import PlaneImages, RaysOfViews, images_of_stacks
+from pnpct.reconstruction.parts import made_in_order
+from pnpct.reconstruction.plane_images import PlaneImages, RaysOfViews
+from pnpct.reconstruction.reconstructed import Method
 
 SLAB = 8
 """Slices of a slab."""
@@ -109,7 +110,7 @@ def reconstruct_volume(
     stacks = spanning(stacks, slices[0][0] - margin, math.inf)
     images_of = PlaneImages(rays, planes, grid.plane, method, mu_water)
     made: list[Image] = []
-    with closing(images_of_stacks(images_of, stacks, processes=processes, cluster=cluster)) as of_stacks:
+    with closing(made_in_order(images_of, stacks, processes=processes, cluster=cluster)) as of_stacks:
         images = chain.from_iterable(
             zip(stack.planes, each.unbind(-3), strict=True) for stack, each in zip(stacks, of_stacks, strict=True)
         )

@@ -61,11 +61,16 @@ class Whole:
         grid, asked = self.A.grid, self.asked
         if grid.spacing < asked.spacing:
             image, grid = halved(image), coarser_grid(grid)
-        if grid == asked:
-            return image
-        row = round((grid.y[0] - asked.y[0]) / asked.spacing)
-        col = round((asked.x[0] - grid.x[0]) / asked.spacing)
-        return image[..., row : row + asked.rows, col : col + asked.cols]
+        return part_of(image, grid, asked)
+
+
+def part_of(image: Image, grid: ImageGrid, asked: ImageGrid) -> Float[Tensor, "*batch asked_rows asked_cols"]:
+    """Return the part of an image on one grid that another, which lies within it, has."""
+    if grid == asked:
+        return image
+    row = round((grid.y[0] - asked.y[0]) / asked.spacing)
+    col = round((asked.x[0] - grid.x[0]) / asked.spacing)
+    return image[..., row : row + asked.rows, col : col + asked.cols]
 
 
 def beyond_fan(sinogram: Sinogram, A: Projector) -> Whole:
