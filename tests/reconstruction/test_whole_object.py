@@ -164,6 +164,13 @@ def test_an_image_of_a_few_large_pixels_is_made_or_refused_in_a_sentence(method,
         assert bool(method(sinogram, projector).image.isfinite().all())
 
 
+@pytest.mark.parametrize(("views", "missing"), [(7, 153), (21, 90)])
+def test_filtered_back_projection_says_which_directions_are_missing(views, missing):
+    geometry = replace(WHOLE, view_angles=evenly_spaced_views(80))[range(views)]
+    (note,) = FBP()(*prepared(geometry)).notes
+    assert f"leave out {missing} of 180 degrees" in note
+
+
 @pytest.mark.parametrize("views", [120, 80])
 @pytest.mark.parametrize("aside", [0.25, 24.0, -24.0])
 def test_a_detector_that_is_moved_aside_needs_a_full_turn(views, aside):

@@ -143,10 +143,17 @@ def beyond_image(whole: Whole) -> Whole:
 
 
 def lines_left_out(sinogram: Sinogram, geometry: FanBeam) -> tuple[str, ...]:
-    """Say that no ray measured some lines through the object, where the detector is moved aside and the turn not full.
+    """Say that no ray measured some lines through the object: of a limited angle, or where the detector is moved aside.
 
     Lines beyond the shorter side of the fan are measured once in a turn.
     """
+    if geometry.limited_angle:
+        directions = np.sort(np.mod(geometry.view_angles, math.pi))
+        missing = math.degrees(float(np.diff(directions, append=directions[0] + math.pi).max()))
+        return (
+            f"The views leave out {missing:.0f} of 180 degrees of directions, and FBP has streaks and shading; "
+            "try tv or pnp.",
+        )
     angles = np.sort(np.mod(geometry.view_angles, 2 * math.pi))
     gap = float(np.diff(angles, append=angles[0] + 2 * math.pi).max())
     shorter = min(-geometry.fan_angle_edges[0], geometry.fan_angle_edges[-1])
