@@ -200,11 +200,15 @@ class PlugAndPlay:
             "inner_iterations": self.inner_iterations or (INNER_ITERATIONS if self.solver in ITERATIVE else None),
         }
 
+    def _last(self, A: AnyProjector) -> float:
+        """What σ_v ends with, HU."""
+        return self.sigma_v * (AMONG_STREAKS if far_apart(A) else 1.0)
+
     def states(self, sinogram: Sinogram, A: AnyProjector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
         solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
         balanced = balanced_sigma_v(sinogram, A, start.v)
-        last = self.sigma_v * (AMONG_STREAKS if far_apart(A) else 1.0)
+        last = self._last(A)
         first = balanced.maximum((FIRST * balanced).clamp(max=FIRST * last))
         return pnp_admm(
             sinogram,
@@ -222,6 +226,9 @@ class PlugAndPlay:
             check_in_space(self.solver)
             return _iterated(self, *_in_space(sinogram, A), progress)
         whole = on_finer_pixels(_whole(sinogram, A), self.denoise)
+        if far_apart(whole.A):
+            said = f"Views are far apart: it began with total variation, and σ_v ended at {self._last(whole.A):g} HU."
+            whole = replace(whole, notes=(*whole.notes, said))
         return _iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
 
 
