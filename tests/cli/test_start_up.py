@@ -1,5 +1,7 @@
 """What a command loads before it begins: it must not wait for libraries that it does not use."""
 
+import os
+import platform
 import subprocess
 import sys
 
@@ -43,3 +45,27 @@ def test_filtered_back_projection_loads_only_what_it_uses(made, tmp_path):
 @pytest.mark.parametrize("words", [["--help"], ["simulate"], ["--version"]])
 def test_the_list_of_commands_needs_no_library(words):
     assert {"numpy", "torch", "tyro"} & loaded(*words) == set()
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library gives memory back at once")
+def test_memory_that_arrays_leave_is_kept():
+    program = """
+import resource
+from pnpct.cli import main
+
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    b"x" * (1 << 26)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+faults()
+before = faults()
+main(["--version"])
+faults()
+print(before, faults())
+"""
+    unset = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=unset)
+    before, after = map(int, done.stdout.splitlines()[-1].split())
+    assert before > 1000
+    assert after < before / 10
