@@ -3,12 +3,13 @@
     python benchmarks/cost_model.py [--quick]
 
 A strip meets the rows of a block as T = 2 or 3 taps in each of the L lanes of a tile. With N(T) the (strip, row) pairs
-of a scan, and n tiles, forward or adjoint takes
+of a scan, n tiles, and g(T, L) the time of a pair whose weights are given, forward or adjoint takes
 
-    t = a · n L Σ_T T N(T)  +  b · n Σ_T N(T)  +  c · n L (pixels + rays)  +  d:
+    t = a · n Σ_T g(T, L) N(T)  +  b · n Σ_T N(T)  +  c · n L (pixels + rays)  +  d:
 
-loads and multiply-adds; columns and weights, which all lanes share; changes of layout; the call. a to d are fitted, not
-negative, to the relative deviations over all slices, views and pixels. Times are seconds of the processor.
+loads and multiply-adds; columns and weights, which all lanes share; changes of layout; the call. g is measured in the
+same run, so that a should be 1; a to d are fitted, not negative, to the relative deviations over all slices, views and
+pixels. Times are seconds of the processor.
 """
 
 import argparse
@@ -65,10 +66,10 @@ class Work:
         """Columns and weights."""
         return self.tiles * (self.two + self.three)
 
-    @property
-    def terms(self) -> tuple[float, ...]:
-        """What a, b, c and d of the model multiply."""
-        return float(self.taps), float(self.steps), float(self.tiles * self.lanes * self.cells), 1.0
+    def terms(self, pair: tuple[float, float]) -> tuple[float, ...]:
+        """Return what a, b, c and d of the model multiply; `pair` is g of two and three taps."""
+        given = self.tiles * (pair[0] * self.two + pair[1] * self.three)
+        return given, float(self.steps), float(self.tiles * self.lanes * self.cells), 1.0
 
 
 def work_of(world: World) -> Work:
@@ -118,11 +119,11 @@ def fitted(terms: Sequence[Sequence[float]], seconds: Sequence[float]) -> Fit:
     return Fit(tuple(found / scale), tuple(rows @ (found / scale) - 1))
 
 
-def processor_seconds(call: Callable[[], object], rounds: int) -> float:
-    """Return the shortest time of a call after one to warm up, s of the processor; more rounds if they are short."""
+def processor_seconds(call: Callable[[], object], rounds: int, least: float = 0.1) -> float:
+    """Return the shortest time of a call after one to warm up, s of the processor; more rounds until `least` is used."""
     call()
     taken: list[float] = []
-    while len(taken) < rounds or (sum(taken) < 0.1 and len(taken) < 50):
+    while len(taken) < rounds or (sum(taken) < least and len(taken) < 50):
         began = time.process_time()
         call()
         taken.append(time.process_time() - began)
@@ -130,7 +131,7 @@ def processor_seconds(call: Callable[[], object], rounds: int) -> float:
 
 
 def limits() -> dict[str, float]:
-    """Measure multiply-adds a second in registers, bytes a second of a copy, and those of transforms and convolutions."""
+    """Measure multiply-adds in registers, bytes copied, and operations of transforms and convolutions; each 1/s."""
     rates = {}
     for lanes in (8, 16):
         values, times = np.full(micro.CHAINS * lanes, 0.5, np.float32), 20_000
@@ -138,7 +139,9 @@ def limits() -> dict[str, float]:
         rates[lanes] = times * micro.CHAINS * micro.REPEATS * lanes / seconds
     source = torch.zeros(2**26)
     target, image = torch.zeros_like(source), torch.rand(512, 512)
-    features, weights = torch.rand(1, 32, 512, 512), torch.rand(32, 32, 3, 3)
+    features, weights = (
+        torch.rand(shape).to(memory_format=torch.channels_last) for shape in ((1, 32, 512, 512), (32, 32, 3, 3))
+    )
     copy = processor_seconds(lambda: target.copy_(source), 3)
     there_and_back = processor_seconds(lambda: torch.fft.irfft2(torch.fft.rfft2(image), s=image.shape), 5)
     with torch.no_grad():
@@ -151,7 +154,7 @@ def limits() -> dict[str, float]:
     }
 
 
-def kernels(world: World, rounds: int) -> dict[str, dict[str, float]]:
+def kernels(world: World, rounds: int) -> dict[str, dict[str, Any]]:
     """Time the kernels without changes of layout, and the same step with weights given; s per tile, one thread."""
     (lines,) = ray_lines(world.grid, world.geometry(), "distance-driven")
     work = work_of(world)
@@ -172,12 +175,15 @@ def kernels(world: World, rounds: int) -> dict[str, dict[str, float]]:
     found = {}
     for direction, inner in zip(DIRECTIONS, (micro.gather_given, micro.scatter_given), strict=True):
         per_pair = [
-            processor_seconds(lambda w=wide, run=inner: run(*arrays, chunks, shift, turnaround, w, zeros), rounds)
+            processor_seconds(
+                lambda w=wide, run=inner: run(*arrays, chunks, shift, turnaround, w, zeros), rounds, least=0.4
+            )
             / pairs
             for wide in (False, True)
         ]
         limit = work.two * per_pair[0] + work.three * per_pair[1]
-        found[direction] = {"kernel": processor_seconds(own[direction], rounds), "weights given": limit}
+        kernel = processor_seconds(own[direction], rounds)
+        found[direction] = {"kernel": kernel, "weights given": limit, "pair": tuple(per_pair)}
     return found
 
 
@@ -214,19 +220,21 @@ def measure(quick: bool) -> dict[str, Any]:
         points = [(axis, world) for axis, worlds in sweeps(quick).items() for world in worlds]
         times = [timed(world, rounds) for _, world in points]
         works = [work_of(world) for _, world in points]
-        tiles = (1, 8) if quick else (1, 2, 4, 8)
-        return {
-            "limits": limits(),
-            "kernels": {n: kernels(World(64 if quick else 512, n), rounds) for n in tiles},
-            "points": [
-                {"axis": axis, **_described(world), "work": work.__dict__, "seconds": seconds}
-                for (axis, world), work, seconds in zip(points, works, times, strict=True)
-            ],
-            "fits": {
-                direction: fitted([work.terms for work in works], [seconds[direction] for seconds in times]).__dict__
-                for direction in DIRECTIONS
-            },
+        size = points[0][1].size
+        per_tile = {slices: kernels(World(size, slices), rounds) for slices in (1, 2, 4, 8)}
+        given = [per_tile[work.lanes // 4] for work in works]
+        fits = {
+            direction: fitted(
+                [work.terms(tile[direction]["pair"]) for work, tile in zip(works, given, strict=True)],
+                [seconds[direction] for seconds in times],
+            ).__dict__
+            for direction in DIRECTIONS
         }
+        described = [
+            {"axis": axis, **_described(world), "work": work.__dict__, "seconds": seconds}
+            for (axis, world), work, seconds in zip(points, works, times, strict=True)
+        ]
+        return {"limits": limits(), "kernels": per_tile, "points": described, "fits": fits}
     finally:
         torch.set_num_threads(threads)
 
@@ -258,9 +266,10 @@ def tables(found: Mapping[str, Any]) -> str:
     fits = []
     for direction in DIRECTIONS:
         fit = found["fits"][direction]
-        cells = [number(1e9 * value) for value in fit["coefficients"][:3]] + [number(1000 * fit["coefficients"][3])]
+        a, b, c, d = fit["coefficients"]
+        cells = [number(a), number(1e9 * b), number(1e9 * c), number(1000 * d)]
         fits.append((direction, *cells, f"{max(map(abs, fit['deviations'])):.0%}"))
-    model = table(("direction", "a, ns", "b, ns", "c, ns", "d, ms", "worst deviation"), fits)
+    model = table(("direction", "a", "b, ns", "c, ns", "d, ms", "worst deviation"), fits)
     return "\n".join((rates, near, model, table(head, rows)))
 
 

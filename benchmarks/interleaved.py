@@ -5,7 +5,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 import torch
 
 from contenders import World
-from worker import Failed, Worker
+from worker import ContenderError, Worker
 
 VERSIONS = ("pnpct", "torch", "numba", "numpy", "astra-toolbox", "svmbir", "torchtomo", "deepinv", "mbirjax", "jax")
 
@@ -45,13 +45,6 @@ class Entry:
     answers: dict[str, dict[str, Any]] = field(default_factory=dict)
     failed: str = ""
 
-    def best(self, *parts: str) -> float:
-        """The sum of the minima of some parts, s per slice; NaN if one of them was not timed."""
-        return sum(min(self.seconds.get(part, [float("nan")])) for part in parts)
-
-    def median(self, *parts: str) -> float:
-        return sum(statistics.median(self.seconds.get(part, [float("nan")])) for part in parts)
-
     @property
     def record(self) -> dict[str, Any]:
         """All that was measured, as plain values."""
@@ -60,37 +53,46 @@ class Entry:
         return {**known, **scan, "seconds": self.seconds, "answers": self.answers, "failed": self.failed}
 
 
-def race(entries: Sequence[Entry], rounds: int, *, parts: Iterable[str] = (), budget: float = 20.0) -> None:
+def race(entries: Sequence[Entry], rounds: int, *, budget: float, warm_up: bool = True) -> None:
     """Call all entries in turns, once to warm up and then in as many rounds.
 
-    An entry that has used up its budget, s, is out of later rounds, but each has one at least. Entries of one worker
-    are called one after the other.
+    An entry that has used up its budget, s, is out of later rounds, but each has one at least.
     """
     spent, numbers = [0.0] * len(entries), [0] * len(entries)
     for at, entry in enumerate(entries):
         try:
             made = entry.worker.make(entry.contender, entry.world, **entry.options)
             numbers[at] = made["number"]
-            entry.seconds = {part: [] for part in made["parts"] if not parts or part in parts}
-        except Failed as reason:
+            entry.seconds = {part: [] for part in made["parts"]}
+        except ContenderError as reason:
             entry.failed = str(reason)
-    for number in range(rounds + 1):
+    for turn in range(0 if warm_up else 1, rounds + 1):
         for at, entry in enumerate(entries):
-            if entry.failed or (number > 1 and spent[at] > budget):
+            if entry.failed or (turn > 1 and spent[at] > budget):
                 continue
             for part, times in entry.seconds.items():
                 try:
                     answer = entry.worker.call(numbers[at], part, entry.threads)
-                except Failed as reason:
+                except ContenderError as reason:
                     entry.failed = f"{part}: {reason}"
                     break
                 spent[at] += answer["seconds"]
-                if number:  # the first round warms up
+                if turn:  # not that to warm up
                     times.append(answer.pop("seconds") / entry.world.slices)
                     entry.answers[part] = answer
     for worker in {id(entry.worker): entry.worker for entry in entries}.values():
         if worker.alive:
             worker.drop()
+
+
+def best(record: Mapping[str, Any], *parts: str) -> float:
+    """Return the sum of the minima of some parts, s per slice; NaN if one of them was not timed."""
+    return sum(min(record["seconds"].get(part) or [math.nan]) for part in parts)
+
+
+def median(record: Mapping[str, Any], *parts: str) -> float:
+    """Return the sum of their medians."""
+    return sum(statistics.median(record["seconds"].get(part) or [math.nan]) for part in parts)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -152,15 +154,3 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return ""
-
-
-def best_of(call: Callable[[], object], rounds: int, least: float = 0.0) -> float:
-    """Return the shortest time of a call, s, over rounds after one to warm up; more of them until `least` has passed."""
-    call()
-    best, spent, done = float("inf"), 0.0, 0
-    while done < rounds or spent < least:
-        began = time.perf_counter()
-        call()
-        taken = time.perf_counter() - began
-        best, spent, done = min(best, taken), spent + taken, done + 1
-    return best

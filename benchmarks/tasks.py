@@ -16,7 +16,7 @@ from contenders import Call, World
 from pnpct.arrays import Image
 from pnpct.denoisers import LearnedDenoiser
 from pnpct.evaluation import rmse_hu, soft_tissue_mask
-from pnpct.files import load_network, network_file
+from pnpct.files import load_denoiser
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Scan, Sinogram, simulate_counts, take_log
 from pnpct.reconstruction.fourier import fourier_preconditioner
@@ -78,7 +78,8 @@ class Task:
     def read(cls, world: World, file: str) -> "Task":
         found = {name: torch.from_numpy(values) for name, values in np.load(file).items()}
         weights = DiagonalWeights(found["weights"], tuple(found["weights"].shape))
-        denoise = LearnedDenoiser(load_network(network_file("n2n")))
+        denoise = load_denoiser("n2n")
+        assert isinstance(denoise, LearnedDenoiser)
         return cls(world, Sinogram(found["line_integrals"], weights), found["truth"], denoise)
 
     @property

@@ -20,7 +20,7 @@ from contenders import World
 HERE = Path(__file__).parent
 
 
-class Failed(Exception):
+class ContenderError(Exception):
     """A contender could not do what it was asked; the message is its own."""
 
 
@@ -71,13 +71,13 @@ class Worker:
             self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            raise Failed("its process has ended") from None
+            raise ContenderError("its process has ended") from None
         line = self._process.stdout.readline()
         if not line:
-            raise Failed(f"its process has ended ({self._process.wait()})")
+            raise ContenderError(f"its process has ended ({self._process.wait()})")
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
-            raise Failed(answer["error"])
+            raise ContenderError(answer["error"])
         return answer
 
 
