@@ -120,7 +120,7 @@ def fitted(terms: Sequence[Sequence[float]], seconds: Sequence[float]) -> Fit:
 
 
 def processor_seconds(call: Callable[[], object], rounds: int, least: float = 0.1) -> float:
-    """Return the shortest time of a call after one to warm up, s of the processor; more rounds until `least` is used."""
+    """Return the shortest time of a call after one to warm up, s of the processor; more rounds until `least`."""
     call()
     taken: list[float] = []
     while len(taken) < rounds or (sum(taken) < least and len(taken) < 50):

@@ -1,7 +1,7 @@
 """Processes in which contenders run: each package in its own, so that none meets another's threads or versions.
 
 A worker waits, without using the processor, until it is asked by a line of JSON to make a contender, to call one of
-its parts once, or to drop it. All answer, so rounds over several workers are interleaved in one run.
+its parts once, or to drop all. All answer, so rounds over several workers are interleaved in one run.
 """
 
 import json
@@ -61,8 +61,10 @@ class Worker:
 
     def close(self) -> None:
         assert self._process.stdin
+        assert self._process.stdout
         self._process.stdin.close()
         self._process.wait()
+        self._process.stdout.close()
 
     def _ask(self, **request: Any) -> dict[str, Any]:
         assert self._process.stdin
@@ -111,13 +113,20 @@ def _answer(request: dict[str, Any], made: list[Any]) -> dict[str, Any]:
         result = call()
         seconds = time.perf_counter() - began
         return {"seconds": seconds, **(result if isinstance(result, dict) else {})}
-    from contenders import OURS, PEERS
-    from loops import LOOPS
-
-    contender = {"pnpct": OURS, **PEERS, **LOOPS}[request["contender"]]
+    contender = _contender(request["contender"])
     import_module(contender.module)
     made.append(contender.make(World(**request["world"]), **request["options"]))
     return {"number": len(made) - 1, "parts": list(made[-1])}
+
+
+def _contender(name: str) -> Any:
+    if name.endswith("loop"):
+        from loops import LOOPS
+
+        return LOOPS[name]
+    from contenders import OURS, PEERS
+
+    return {"pnpct": OURS, **PEERS}[name]
 
 
 if __name__ == "__main__":
