@@ -30,13 +30,16 @@ from loops import LOOPS
 from tasks import write_scan
 from worker import Worker
 
-SLICES = (1, 4, 8, 16, 64)
+SLICES = (1, 2, 8, 64)
 """Of pnpct; peers have one: none of them treats several slices of a fan beam in less than their sum."""
 
-LONGEST = 30.0
+LONGEST = 50.0
 """Seconds that one round of a peer may take; eight times that of half the size tells."""
 
-SHARE = 0.4
+LARGEST = 512
+"""Rows and columns up to which peers are timed."""
+
+SHARE = 0.5
 """Of the free memory, for one contender."""
 
 SEVERAL = {"torchtomo FBP": 8}
@@ -84,6 +87,8 @@ def projectors(pool: Pool, options: argparse.Namespace, threads: int) -> list[di
 
 def left_out(peer: Contender, world: World, before: list[dict[str, Any]], *, full: bool = False) -> str:
     """Return why a peer does not take part in a world; nothing if it does."""
+    if world.size > LARGEST:
+        return f"timed up to {LARGEST} × {LARGEST}"
     needed = peer.gigabytes * world.slices * (world.size / 512) ** 3
     if needed > SHARE * available_gigabytes():
         return f"needs about {needed:.0f} GB"
@@ -137,7 +142,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--quick", action="store_true", help="small sizes, two rounds: says that it runs, not how fast")
     parser.add_argument("--rounds", type=int, help="after one to warm up; 5, or 2 if quick")
-    parser.add_argument("--budget", type=float, default=20.0, help="s of a contender, after which later rounds go on")
+    parser.add_argument("--budget", type=float, default=15.0, help="s of a contender, after which later rounds go on")
     parser.add_argument("--patience", type=float, default=90.0, help="s that a peer's plug-and-play has")
     parser.add_argument("--against", default="", help="revision of this repository to run too, the last release")
     parser.add_argument("--full", action="store_true", help="svmbir and plug-and-play at 512 x 512 too")

@@ -75,7 +75,7 @@ def deepinv(world: World, file: str, patience: float) -> Parts:
         found = package.optim.linear.conjugate_gradient(apply, right, max_iter=step.plain_steps, tol=0.0, init=v)
         return _our_image(found)
 
-    def run(network: Callable[[Image], Image]) -> dict[str, Any]:
+    def run(network: Callable[[Image], Image], patience: float) -> dict[str, Any]:
         watch = Watch(task, patience)
         _, start, sigmas = task.begun()
 
@@ -99,8 +99,8 @@ def deepinv(world: World, file: str, patience: float) -> Parts:
 
     network = dncnn_of_like_size(task)
     return {
-        "pnp": lambda: run(task.denoise),
-        "pnp, DnCNN": lambda: {**run(network), "errors": []},
+        "pnp": lambda: run(task.denoise, patience),
+        "pnp, DnCNN": lambda: {**run(network, patience / 2), "errors": []},
         "data step": lambda: {**step.timed(solved, step.plain_steps)(), "errors": []},
         "network": lambda: network(task.truth),
     }
@@ -187,7 +187,7 @@ def svmbir(world: World, file: str, patience: float) -> Parts:
 
 LOOPS = {
     "pnpct loop": Contender("pnpct", "pnpct", pnpct),
-    "deepinv loop": Contender("deepinv", "deepinv", deepinv, "HQS; flat, its own discretisation", gigabytes=12.0),
+    "deepinv loop": Contender("deepinv", "deepinv", deepinv, "HQS; flat, its own discretisation", gigabytes=9.0),
     "svmbir loop": Contender("svmbir", "svmbir", svmbir, "its proximal map in pnpct's ADMM", gigabytes=4.0),
 }
 """Plug-and-play with `n2n` by each package."""

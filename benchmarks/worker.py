@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +114,8 @@ def _answer(request: dict[str, Any], made: list[Any]) -> dict[str, Any]:
         seconds = time.perf_counter() - began
         return {"seconds": seconds, **(result if isinstance(result, dict) else {})}
     contender = _contender(request["contender"])
-    import_module(contender.module)
+    if find_spec(contender.module) is None:
+        raise ModuleNotFoundError(name=contender.module)
     made.append(contender.make(World(**request["world"]), **request["options"]))
     return {"number": len(made) - 1, "parts": list(made[-1])}
 
