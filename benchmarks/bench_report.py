@@ -201,28 +201,30 @@ def draw(records: list[dict[str, Any]], file: Path) -> None:
 
     mpl.use("agg")
     from matplotlib import pyplot
+    from matplotlib.ticker import NullLocator
 
-    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4.5), layout="constrained")
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 5.5), layout="constrained")
     timed = [record for record in records if not math.isnan(best(record, *PAIR)) and "at" not in record["name"].split()]
     for name in dict.fromkeys(record["name"] for record in timed if record["name"] != "pnpct, 1 thread"):
         for slices in sorted({record["slices"] for record in timed if record["name"] == name}):
             if name != "pnpct" or slices in (1, 8):
                 line = [record for record in timed if (record["name"], record["slices"]) == (name, slices)]
                 points = sorted((record["size"], 1000 * best(record, *PAIR)) for record in line)
-                style = {"lw": 2.5} if name == "pnpct" else {"lw": 1.2, "ls": "--"}
-                left.loglog(*zip(*points, strict=True), "o", label=f"{name}, {slices}", markersize=4, **style)
+                style, width = ("o-", 2.5) if name == "pnpct" else ("o--", 1.2)
+                label = f"{name}, {slices_of(line[0])}"
+                left.loglog(*zip(*points, strict=True), style, label=label, markersize=4, lw=width)
     for size in sorted({record["size"] for record in timed}):
         points = sorted(
             (r["slices"], 1000 * best(r, *PAIR)) for r in timed if (r["name"], r["size"]) == ("pnpct", size)
         )
         right.loglog(*zip(*points, strict=True), "o-", label=f"{size} × {size}", markersize=4)
-    for axis, label, base in ((left, "rows and columns", records), (right, "slices together", None)):
+    for axis, label, key in ((left, "rows and columns", "size"), (right, "slices together", "slices")):
         axis.set(xlabel=label, ylabel="forward and adjoint, ms per slice")
-        axis.set_xticks(sorted({record["size" if base else "slices"] for record in timed}))
+        axis.set_xticks(sorted({record[key] for record in timed}))
         axis.xaxis.set_major_formatter("{x:.0f}")
-        axis.minorticks_off()
+        axis.xaxis.set_minor_locator(NullLocator())
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8)
+        axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
     figure.savefig(file, dpi=110)
     pyplot.close(figure)
 
