@@ -149,14 +149,8 @@ def loop_table(records: list[dict[str, Any]]) -> str:
         if "pnp, DnCNN" in record["answers"]:
             times = record["answers"]["pnp, DnCNN"]["after"]
             count = min(len(times), answer_iterations(ours))
-            rows.append(
-                (
-                    f"{record['name']}, untrained DnCNN, {count} iterations",
-                    number(times[count - 1]),
-                    "",
-                    "not for errors",
-                )
-            )
+            took, ratio = number(times[count - 1]), number(times[count - 1] / seconds)
+            rows.append((f"{record['name']}, untrained DnCNN, {count} iterations", took, ratio, "not for errors"))
         for part, step in record["answers"].items():
             if part.startswith("data step"):
                 error = number(step["errors"][0]) if step["errors"] else "–"

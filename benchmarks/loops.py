@@ -100,7 +100,7 @@ def deepinv(world: World, file: str, patience: float) -> Parts:
     network = dncnn_of_like_size(task)
     return {
         "pnp": lambda: run(task.denoise, patience),
-        "pnp, DnCNN": lambda: {**run(network, patience / 2), "errors": []},
+        "pnp, DnCNN": lambda: {**run(network, patience), "errors": []},
         "data step": lambda: {**step.timed(solved, step.plain_steps)(), "errors": []},
         "network": lambda: network(task.truth),
     }
