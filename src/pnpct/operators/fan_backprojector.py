@@ -11,13 +11,13 @@ from typing_extensions import override
 from pnpct.arrays import Image, Rays
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import lane_kernels as lanes
-from pnpct.operators.cpu_projector import tile
 from pnpct.operators.fan_kernels import BLOCK, back_project_fan
 from pnpct.operators.gradients import linear
 from pnpct.operators.lane_kernels import Array
 from pnpct.operators.linear_operator import LinearOperator
 from pnpct.operators.ray_lines import turns_onto_itself, view_orbits
 from pnpct.operators.threads import parallel
+from pnpct.operators.tiles import tile
 
 WIDEST_FAN = np.pi / 4
 

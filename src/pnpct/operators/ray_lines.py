@@ -27,6 +27,15 @@ SAME_ANGLE = 2e-6
 WIDEST_STRIP = 2.0
 """A strip wider than this on a row, in columns, is cut into narrower ones, so that three taps always cover it."""
 
+TAPS = 3
+"""Columns next to one another that a strip can have something of on a row."""
+
+LEFT, RIGHT = 1, 3
+"""Columns of zeros beside the image; strips that begin outside are moved there."""
+
+NARROWEST = 1e-6
+"""Columns. Behind the focal spot, always beside the image, the lines of a strip cross and its width is negative."""
+
 
 @dataclass(frozen=True)
 class RayLines:
@@ -47,6 +56,9 @@ class RayLines:
         length: Path per row, mm, as a part of the strip's cell.
         measured: For each cell and lane the number of its ray (view · bins + bin), or −1 for none.
         parts: Strips per cell, which follow one another in the table.
+        pencil: For each cell the number of its pencil: rays of one view that run to the same side of the rows. The left
+            edges of their strips meet in one point.
+        apex: For each pencil that point, column and rows below the middle, and 1 if the rays run downwards, −1 if up.
     """
 
     turns: tuple[int, ...]
@@ -59,6 +71,8 @@ class RayLines:
     length: NDArray[np.float32]
     measured: NDArray[np.int32]
     parts: int
+    pencil: NDArray[np.int32]
+    apex: NDArray[np.float32]
 
     @property
     def strips(self) -> int:
@@ -203,6 +217,10 @@ def _tabulate(
     widest = (width + np.abs(widening) * (rows - 1) / 2)[keep].max(initial=0.0)
     parts = max(1, math.ceil(widest / WIDEST_STRIP))
 
+    pencil, apex = _pencils(grid, geometry, turn, keep, cols)
+    if method == "joseph":
+        apex[:, 0] -= 0.5
+
     def strips(values: NDArray[np.float64]) -> NDArray[np.float32]:
         return np.repeat(values[keep], parts).astype(np.float32)
 
@@ -218,6 +236,8 @@ def _tabulate(
         length=strips(length / parts),
         measured=np.ascontiguousarray(ray[keep], np.int32),
         parts=parts,
+        pencil=pencil,
+        apex=apex.astype(np.float32),
     )
 
 
@@ -228,13 +248,27 @@ def _line(
     spot = np.broadcast_to(geometry.focal_spots()[:, None], (geometry.views, angles.size, 2))
     direction = geometry.detector_points(angles) - spot
     center = np.broadcast_to(np.asarray(grid.center), spot.shape)
-    once = (turn % 2 == 1)[..., None]
-
-    def turned(point: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.where(once, np.stack([point[..., 1], -point[..., 0]], axis=-1), point)
-
-    spot, direction, center = turned(spot), turned(direction), turned(center)
+    spot, direction, center = (_turned(point, turn) for point in (spot, direction, center))
     with np.errstate(divide="ignore", invalid="ignore"):  # flat rays, which the caller leaves out
         per_y = direction[..., 0] / direction[..., 1]
         x_at_middle = spot[..., 0] + (center[..., 1] - spot[..., 1]) * per_y
     return (x_at_middle - center[..., 0]) / grid.spacing + cols / 2, -per_y
+
+
+def _pencils(
+    grid: ImageGrid, geometry: FanBeam, turn: NDArray[np.int64], keep: NDArray[np.bool_], cols: int
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return `pencil` and `apex` of the rays to keep."""
+    spots = geometry.focal_spots()[:, None]
+    downwards = _turned(geometry.detector_points(geometry.fan_angles) - spots, turn)[..., 1] < 0
+    name = (np.arange(geometry.views)[:, None] * 2 + turn % 2) * 2 + downwards
+    names, pencil = np.unique(name[keep], return_inverse=True)
+    turns = names // 2 % 2
+    from_center = _turned(spots[names // 4, 0] - grid.center, turns) / grid.spacing
+    apex = np.stack([from_center[:, 0] + cols / 2, -from_center[:, 1], np.where(names % 2, 1.0, -1.0)], axis=1)
+    return pencil.astype(np.int32), apex
+
+
+def _turned(point: NDArray[np.float64], turn: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return points of the plane after `turn` clockwise quarter turns, 0 or 1."""
+    return np.where((turn % 2 == 1)[..., None], np.stack([point[..., 1], -point[..., 0]], axis=-1), point)
