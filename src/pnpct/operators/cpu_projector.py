@@ -15,6 +15,7 @@ from pnpct.operators.strip_kernels import BLOCK, CHUNK
 from pnpct.operators.threads import parallel
 from pnpct.operators.tiles import tile
 
+
 class CpuProjector:
     """Forward and transpose of the same strips, for tensors [slice][row][col] and [slice][ray].
 

@@ -95,16 +95,17 @@ class Projector(LinearOperator):
         """Run the kernels for the device on a batch, in units of water."""
         slices = array.reshape(-1, *array.shape[-2:]).float().contiguous()
         kernels = self._kernels(array.device)
-        if transpose:
-            result = kernels.back_project(slices.flatten(1), squared=squared)
-        else:
-            result = kernels.project(slices)
+        result = kernels.back_project(slices.flatten(1), squared=squared) if transpose else kernels.project(slices)
         answer = result * (self.mu_water**2 if squared else self.mu_water)
         shape = self.domain_shape if transpose else self.range_shape
         return answer.reshape(*array.shape[:-2], *shape).to(array.dtype)
 
     def _make_kernels(self, device: torch.device) -> Kernels:
-        what = ray_lines(self.grid, self.geometry, self.method), self.grid.shape, self.geometry.views * self.geometry.bins
+        what = (
+            ray_lines(self.grid, self.geometry, self.method),
+            self.grid.shape,
+            self.geometry.views * self.geometry.bins,
+        )
         if device.type == "cpu":
             return CpuProjector(*what)
         if triton_runs_on(device):

@@ -1,8 +1,8 @@
 """The projector's and FBP's inner loops on a GPU, compiled by Triton.
 
-An image is [row][column][lane] and rays are [strip][lane] as on a CPU: one index and one weight serve all lanes, and the
-lanes of a strip are read together. The transpose gathers: each pixel looks for the strips that may touch it, asks each
-for the very weight that the forward projection gave, and adds in the order of the table, so that no two runs differ.
+An image is [row][column][lane] and rays are [strip][lane] as on a CPU: one index and one weight serve all lanes, and
+the lanes of a strip are read together. The transpose gathers: each pixel looks for the strips that may touch it, gives
+each the very weight that it has in the forward projection, and adds in the order of the table: no two runs differ.
 """
 
 import triton
@@ -83,12 +83,13 @@ def back_project(
 ):
     """Transpose of `project`, with weights squared or not, of rays [strip / PARTS][lane] to image [row][column][lane].
 
-    A program has DOWN × ACROSS pixels. Of each pencil it knows where its lines meet and how steep they are, and `starts`
-    says for GRAINS slopes where in the table strips begin that are as steep or more.
+    A program has DOWN × ACROSS pixels. Of each pencil it knows where the edges of its strips meet, and `starts` says
+    for GRAINS slopes which strip is the first with a right edge of that slope or more. The next ones follow it.
     """
     pixel = tl.arange(0, DOWN * ACROSS)
     lane = tl.arange(0, SIZE)
     top, side = tl.program_id(1) * DOWN, tl.program_id(0) * ACROSS
+    bottom = tl.minimum(top + DOWN, rows) - 1
     row, column = top + pixel // ACROSS, side + pixel % ACROSS
     middle = (rows - 1) * 0.5
     from_middle = row - middle
@@ -96,24 +97,23 @@ def back_project(
     for pencil in range(count):
         apex_column, apex_row = tl.load(pencils + 8 * pencil), tl.load(pencils + 8 * pencil + 1)
         down = tl.load(pencils + 8 * pencil + 2)
-        lowest, highest = tl.load(pencils + 8 * pencil + 3), tl.load(pencils + 8 * pencil + 4)
-        grains, widest = tl.load(pencils + 8 * pencil + 5), tl.load(pencils + 8 * pencil + 6)
+        least, lowest = tl.load(pencils + 8 * pencil + 3), tl.load(pencils + 8 * pencil + 4)
+        highest, grains = tl.load(pencils + 8 * pencil + 5), tl.load(pencils + 8 * pencil + 6)
         density = tl.load(pencils + 8 * pencil + 7)
         begin, end = tl.load(ends + pencil), tl.load(ends + pencil + 1)
 
-        # A strip that begins at column c of a row `depth` from the apex has the slope (c − apex) / depth.
-        first, last = down * (top - middle - apex_row), down * (top + (DOWN - 1) - middle - apex_row)
-        near = tl.maximum(tl.minimum(first, last), _HORIZON)
-        far = tl.maximum(tl.maximum(first, last), _HORIZON)
+        # A line that meets column c on a row `depth` from the apex has the slope (c − apex) / depth.
+        one, other = down * (top - middle - apex_row), down * (bottom - middle - apex_row)
+        nearest = 1.0 / tl.maximum(tl.minimum(one, other), _HORIZON)
+        farthest = 1.0 / tl.maximum(tl.maximum(one, other), _HORIZON)
         before, behind = side - _SLACK - apex_width - apex_column, side + ACROSS + _SLACK - apex_column
-        meets = (tl.maximum(behind / near, behind / far) >= lowest) & (far > _HORIZON)
-        meets &= tl.minimum(before / near, before / far) - widest <= highest
-        reach = (1 + 2 * _SLACK + apex_width) / near + widest + 1.5 / grains
-        most = tl.minimum((reach * density).to(tl.int32) + 1, end - begin)
-        most = tl.where(meets, most, 0)
+        meets = (tl.maximum(one, other) > 0) & (tl.maximum(behind * nearest, behind * farthest) > least)
+        meets &= tl.minimum(before * nearest, before * farthest) < highest
+        most = ((nearest * (1 + 2 * _SLACK + apex_width) + 1.5 / grains) * density).to(tl.int32) + 2
+        most = tl.where(meets, tl.minimum(most, end - begin), 0)
 
         depth = down * (from_middle - apex_row)
-        slowest = (column - _SLACK - apex_width - apex_column) / tl.maximum(depth, _HORIZON) - widest
+        slowest = (column - _SLACK - apex_width - apex_column) / tl.maximum(depth, _HORIZON)
         grain = tl.minimum(tl.maximum((slowest - lowest) * grains, 0.0), GRAINS - 1.0)
         strip = tl.load(starts + pencil * GRAINS + grain.to(tl.int32))
         for _ in range(most):

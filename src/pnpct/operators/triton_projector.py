@@ -14,8 +14,8 @@ from pnpct.operators.ray_lines import LEFT, RIGHT, RayLines
 from pnpct.operators.tiles import tile
 from pnpct.operators.torch_projector import turned, turned_back
 
-NUMBERS = 2048
-"""Sums that one program of a kernel holds: 16 in each of its 128 threads."""
+NUMBERS = 512
+"""Sums that one program of a kernel holds: four in each of its 128 threads, which read four lanes at once."""
 
 _SLACK = 0.25  # of a grain: more than rounding
 
@@ -42,17 +42,11 @@ class TritonProjector:
             sums = images.new_empty(lines.strips, size)
             for some, answer in zip(filled.split(slices), rays.split(slices, 1), strict=True):
                 pixels = pad(turned(some, lines).permute(1, 2, 3, 0), (0, 0, 0, 0, LEFT, RIGHT)).contiguous()
-                kernels.project[(-(-lines.strips // strips),)](
-                    pixels,
-                    *table.strips,
-                    sums,
-                    lines.strips,
-                    lines.rows,
-                    lines.cols,
-                    pixels.stride(0),
-                    SIZE=size,
-                    STRIPS=strips,
-                )
+                numbers = (lines.strips, lines.rows, lines.cols, pixels.stride(0))
+                with torch.cuda.device_of(images):
+                    kernels.project[(-(-lines.strips // strips),)](
+                        pixels, *table.strips, sums, *numbers, SIZE=size, STRIPS=strips
+                    )
                 cells = sums.view(-1, lines.parts, size).sum(1) * table.length
                 answer[table.measured] = cells.view(-1, len(lines.turns), slices)
         return rays[:-1, : len(images)].T.contiguous()
@@ -67,38 +61,40 @@ class TritonProjector:
             lines, length = table.lines, table.length.square() if squared else table.length
             pixels = rays.new_empty(lines.rows, lines.cols, len(lines.turns), slices)
             for some, answer in zip(padded.split(slices, 1), images.split(slices), strict=True):
-                kernels.back_project[(-(-lines.cols // across), -(-lines.rows // down))](
-                    pixels,
-                    *table.strips,
-                    some[table.measured].flatten(1) * length,
-                    *table.pencils,
-                    len(table.pencils[0]),
-                    table.apex_width,
-                    lines.rows,
-                    lines.cols,
-                    SIZE=size,
-                    PARTS=lines.parts,
-                    DOWN=down,
-                    ACROSS=across,
-                    GRAINS=table.pencils[-1].shape[1],
-                    SQUARED=squared,
-                )
+                cells = some[table.measured].flatten(1) * length
+                with torch.cuda.device_of(rays):
+                    kernels.back_project[(-(-lines.cols // across), -(-lines.rows // down))](
+                        pixels,
+                        *table.strips,
+                        cells,
+                        *table.pencils,
+                        len(lines.apex),
+                        table.apex_width,
+                        lines.rows,
+                        lines.cols,
+                        SIZE=size,
+                        PARTS=lines.parts,
+                        DOWN=down,
+                        ACROSS=across,
+                        GRAINS=table.pencils[-1].shape[1],
+                        SQUARED=squared,
+                    )
                 answer += turned_back(pixels.permute(3, 0, 1, 2), lines, self._image_shape)
         return images[: len(rays)]
 
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """The lines of a table on a device, sorted so that the left edges of each pencil turn from column to column.
+    """The lines of a table on a device, its strips sorted in each pencil as they lie from left to right.
 
     Args:
         lines: The table.
         strips: Edge, slope, width and widening.
         length: Path per row of each cell.
         measured: Its rays.
-        pencils: What strips are found by. Of each pencil: apex (column, row, 1 or −1 for down or up), least and
-            greatest slope, grains per slope, widening, and strips per slope; the first strip, and that of the next
-            one; and the first strip that is as steep as each of its grains, or more.
+        pencils: What strips are found by. Eight numbers of each pencil: its apex (3), the least slope of left edges,
+            the least and the greatest of right ones, grains per slope, strips per slope; then its first strip; then the
+            first strip whose right edge has the slope of each grain, or more.
         apex_width: Columns between the edges of a strip where the left ones meet: 0, or 1 of Joseph's.
     """
 
@@ -117,25 +113,23 @@ def block(size: int) -> tuple[int, int]:
 
 
 def _table(lines: RayLines, device: torch.device) -> _Table:
-    """Sort the strips of each pencil as they lie from left to right, and say where in the table slopes begin."""
-    column, row, down = lines.apex[lines.pencil].astype(np.float64).T
+    """Sort the strips, and tabulate where among them slopes begin."""
+    _, row, down = lines.apex[lines.pencil].astype(np.float64).T
     cells = np.lexsort((lines.slope[:: lines.parts] * down, lines.pencil))
     strips = (cells[:, None] * lines.parts + np.arange(lines.parts)).ravel()
-    edge, slope, width, widening = (
-        values[strips] for values in (lines.edge, lines.slope, lines.width, lines.widening)
-    )
+    edge, slope, width, widening = (values[strips] for values in (lines.edge, lines.slope, lines.width, lines.widening))
     down, row = np.repeat(down[cells], lines.parts), np.repeat(row[cells], lines.parts)
     ends = np.searchsorted(lines.pencil[cells], np.arange(len(lines.apex) + 1)) * lines.parts
-    grains = 2 * 2 ** math.ceil(math.log2(np.diff(ends).max()) + 1e-9)
+    grains = 4 * 2 ** math.ceil(math.log2(np.diff(ends).max()))
     numbers, starts = [], []
-    for apex, first, last in zip(lines.apex, ends, ends[1:], strict=False):
-        turned_slopes = (slope * down)[first:last].astype(np.float64)
-        lowest, highest = turned_slopes[0], turned_slopes[-1]
+    for apex, first, last in zip(lines.apex, ends[:-1], ends[1:], strict=True):
+        of_left = (slope * down)[first:last].astype(np.float64)
+        of_right = of_left + (widening * down)[first:last]
+        lowest, highest = of_right[0], of_right[-1]
         grain = max(highest - lowest, 1e-6) / (grains - 2)
-        apart = np.diff(turned_slopes).min(initial=np.inf)
-        widest = (widening * down)[first:last].max()
-        numbers.append((*apex, lowest, highest, 1 / grain, max(widest, 0.0), 1 / max(apart, 1e-9)))
-        starts.append(first + np.searchsorted(turned_slopes, lowest + (np.arange(grains) - _SLACK) * grain))
+        apart = np.diff(of_right).min(initial=np.inf)
+        numbers.append((*apex, of_left[0], lowest, highest, 1 / grain, 1 / max(apart, 1e-9)))
+        starts.append(first + np.searchsorted(of_right, lowest + (np.arange(grains) - _SLACK) * grain))
     length = lines.length[strips[:: lines.parts]]
     return _Table(
         lines=lines,

@@ -12,7 +12,6 @@ from pnpct.geometry import ConeBeam, VolumeGrid
 from pnpct.operators.cone.cone_lines import ConeLines, cone_lines, rows_together, view_heights
 from pnpct.operators.ray_lines import LEFT, NARROWEST, RIGHT, TAPS
 
-
 _ELEMENTS = 1 << 23
 """Numbers in the largest temporary array."""
 
