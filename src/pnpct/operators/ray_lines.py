@@ -206,18 +206,20 @@ def _tabulate(
         at.append(column)
         slopes.append(slope)
     length = grid.spacing * np.sqrt(1 + slopes[1] ** 2)
+    direction = geometry.detector_points(centers) - geometry.focal_spots()[:, None]
+    down = np.where(_turned(direction, turn)[..., 1] < 0, 1, -1)
     if method == "joseph":
         # Interpolation between two pixel centres is the mean under a strip one column wide.
         edge, slope = at[1] - 0.5, slopes[1]
         width, widening = np.ones_like(edge), np.zeros_like(edge)
     else:
-        left = at[0] <= at[2]
+        left = slopes[0] * down <= slopes[2] * down  # where the rays run; in a wide fan the middle row may be behind
         edge, slope = np.where(left, at[0], at[2]), np.where(left, slopes[0], slopes[2])
-        width, widening = np.abs(at[2] - at[0]), np.where(left, 1, -1) * (slopes[2] - slopes[0])
+        width, widening = (np.where(left, 1, -1) * (ends[2] - ends[0]) for ends in (at, slopes))
     widest = (width + np.abs(widening) * (rows - 1) / 2)[keep].max(initial=0.0)
     parts = max(1, math.ceil(widest / WIDEST_STRIP))
 
-    pencil, apex = _pencils(grid, geometry, turn, keep, cols)
+    pencil, apex = _pencils(grid, geometry, turn, down, keep, cols)
     if method == "joseph":
         apex[:, 0] -= 0.5
 
@@ -256,16 +258,19 @@ def _line(
 
 
 def _pencils(
-    grid: ImageGrid, geometry: FanBeam, turn: NDArray[np.int64], keep: NDArray[np.bool_], cols: int
+    grid: ImageGrid,
+    geometry: FanBeam,
+    turn: NDArray[np.int64],
+    down: NDArray[np.int64],
+    keep: NDArray[np.bool_],
+    cols: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Return `pencil` and `apex` of the rays to keep."""
-    spots = geometry.focal_spots()[:, None]
-    downwards = _turned(geometry.detector_points(geometry.fan_angles) - spots, turn)[..., 1] < 0
-    name = (np.arange(geometry.views)[:, None] * 2 + turn % 2) * 2 + downwards
+    name = (np.arange(geometry.views)[:, None] * 2 + turn % 2) * 2 + (down > 0)
     names, pencil = np.unique(name[keep], return_inverse=True)
-    turns = names // 2 % 2
-    from_center = _turned(spots[names // 4, 0] - grid.center, turns) / grid.spacing
-    apex = np.stack([from_center[:, 0] + cols / 2, -from_center[:, 1], np.where(names % 2, 1.0, -1.0)], axis=1)
+    spot = (geometry.focal_spots()[names // 4] - grid.center) / grid.spacing
+    spot = _turned(spot, names // 2 % 2)
+    apex = np.stack([spot[:, 0] + cols / 2, -spot[:, 1], np.where(names % 2, 1.0, -1.0)], axis=1)
     return pencil.astype(np.int32), apex
 
 

@@ -109,8 +109,8 @@ def back_project(
         before, behind = side - _SLACK - apex_width - apex_column, side + ACROSS + _SLACK - apex_column
         meets = (tl.maximum(one, other) > 0) & (tl.maximum(behind * nearest, behind * farthest) > least)
         meets &= tl.minimum(before * nearest, before * farthest) < highest
-        most = ((nearest * (1 + 2 * _SLACK + apex_width) + 1.5 / grains) * density).to(tl.int32) + 2
-        most = tl.where(meets, tl.minimum(most, end - begin), 0)
+        most = (nearest * (1 + 2 * _SLACK + apex_width) + 1.5 / grains) * density + 2
+        most = tl.where(meets, tl.minimum(most, end - begin), 0.0).to(tl.int32)
 
         depth = down * (from_middle - apex_row)
         slowest = (column - _SLACK - apex_width - apex_column) / tl.maximum(depth, _HORIZON)
