@@ -216,7 +216,7 @@ def _tabulate(
         left = slopes[0] * down <= slopes[2] * down  # where the rays run; in a wide fan the middle row may be behind
         edge, slope = np.where(left, at[0], at[2]), np.where(left, slopes[0], slopes[2])
         width, widening = (np.where(left, 1, -1) * (ends[2] - ends[0]) for ends in (at, slopes))
-    widest = (width + np.abs(widening) * (rows - 1) / 2)[keep].max(initial=0.0)
+    widest = (width[keep] + np.abs(widening[keep]) * (rows - 1) / 2).max(initial=0.0)
     parts = max(1, math.ceil(widest / WIDEST_STRIP))
 
     pencil, apex = _pencils(grid, geometry, turn, down, keep, cols)
