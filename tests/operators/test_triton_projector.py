@@ -88,8 +88,8 @@ def test_triton_equals_plain_torch_and_has_an_exact_adjoint(world, on_gpu, gener
 
 def test_a_second_run_and_other_tiles_and_blocks_have_the_same_bytes(on_gpu, generator, monkeypatch):
     what = ray_lines(GRID, FAN, "distance-driven"), GRID.shape, FAN.views * FAN.bins, DEVICE
-    x = torch.rand(5, *GRID.shape, generator=generator).to(DEVICE)
-    y = torch.rand(5, FAN.views * FAN.bins, generator=generator).to(DEVICE)
+    x = torch.rand(3, *GRID.shape, generator=generator).to(DEVICE)
+    y = torch.rand(3, FAN.views * FAN.bins, generator=generator).to(DEVICE)
     fast = on_gpu.TritonProjector(*what)
     Ax, Aty = fast.project(x), fast.back_project(y)
     assert torch.equal(fast.project(x), Ax)  # the transpose has left nothing behind
@@ -128,7 +128,7 @@ def test_the_kernels_compile_for_a_gpu_that_is_not_there(tmp_path):
         check=False,
     )
     assert done.stderr == ""
-    assert done.stdout.split() == ["project", "back_project", "back_project", "back_project_fan"]
+    assert done.stdout.split() == ["project", "back_project", "back_project_fan"]
 
 
 COMPILE = """
@@ -142,7 +142,6 @@ numbers = {"apex_width", "x0", "y0", "spacing", "distance", "scale", "offset"}
 block = {"DOWN": 2, "ACROSS": 8, "SIZE": 32}
 for kernel, constants in (
     (kernels.project, {"SIZE": 32, "STRIPS": 16}),
-    (kernels.back_project, {**block, "PARTS": 1, "GRAINS": 4096, "SQUARED": False}),
     (kernels.back_project, {**block, "PARTS": 2, "GRAINS": 4096, "SQUARED": True}),
     (kernels.back_project_fan, {**block, "ARC": True}),
 ):
