@@ -165,7 +165,7 @@ def conjugate_gradient(
     last = max(iterations, most) - 1
     for iteration in range(last + 1):
         going = (rz > enough) | (iteration < iterations)
-        if not going.any():
+        if iteration >= iterations and not going.any():  # on a GPU each question waits for the answer
             break
         Hp = H(p)
         curvature = dot(p, Hp)
