@@ -43,7 +43,10 @@ def test_incident_may_vary_by_view_and_bin(body_scan, geometry):
     uneven = replace(body_scan, counts=body_scan.counts * gain, incident=INCIDENT * gain, electronic_noise=0.0)
     even = replace(body_scan, electronic_noise=0.0)
     torch.testing.assert_close(take_log(uneven).line_integrals, take_log(even).line_integrals, rtol=1e-5, atol=1e-5)
-    torch.testing.assert_close(take_log(uneven).weights.diagonal, take_log(even).weights.diagonal * gain)
+    # Where there are more quanta, their noise tells more.
+    torch.testing.assert_close(
+        take_log(uneven).weights.diagonal, take_log(even).weights.diagonal * gain, rtol=0.01, atol=0
+    )
 
 
 def test_starved_rays_are_less_biased_than_clipped_ones(geometry, generator):
@@ -76,6 +79,24 @@ def test_weights_come_from_smoothed_counts(geometry, generator):
     bias = [float((w * line_integrals).sum() / w.sum()) - truth for w in (own, smoothed)]
     assert bias[0] < -0.004  # each dark fluctuation takes its own weight away: -1/(2 · 100)
     assert abs(bias[1] - 0.005) < 0.002  # the bias of the logarithm alone: +1/(2 · 100)
+
+
+@pytest.mark.parametrize("counts", [1.5, 3.0])
+def test_weights_of_starved_rays_share_little_of_their_noise(geometry, generator, counts):
+    sinogram = take_log(flat_scan(geometry, counts, 3.0, generator))
+    y, w = sinogram.line_integrals, sinogram.weights.diagonal
+    assert abs(float((w * y).sum() / w.sum() - y.mean())) < 0.05
+    assert float(w.std() / w.mean()) < 0.5
+
+
+def test_a_narrow_shadow_keeps_the_weights_of_its_few_quanta(geometry, generator):
+    line_integrals = torch.full(geometry.shape, 4.0)
+    line_integrals[:, 20:24] = 9.0
+    counts = simulate_counts(line_integrals, INCIDENT, electronic_noise=3.0, generator=generator)
+    weights = take_log(Scan(counts, INCIDENT, 3.0, geometry, mu_water=0.0193)).weights.diagonal
+    beside, without_wider = 30_000 * math.exp(-4.0), float(weights[:, 21:23].mean())
+    assert without_wider < 0.35 * beside
+    assert float(weights[:, 30:].mean()) == pytest.approx(beside, rel=0.05)
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 1.5])
@@ -111,7 +132,7 @@ def test_beam_hardening_corrects_line_integrals_and_weights(body_scan, hardening
     slope = (plain.weights.diagonal / corrected.weights.diagonal).sqrt()
     equivalent = plain.weights.diagonal
     smoothed = (equivalent + (equivalent**2 + 4 * equivalent * 3.0**2).sqrt()) / 2  # from l²/(l + s²)
-    torch.testing.assert_close(slope, hardening.slope((INCIDENT / smoothed).log()), rtol=1e-5, atol=0)
+    torch.testing.assert_close(slope, hardening.slope((INCIDENT / smoothed).log()), rtol=1e-3, atol=0)
 
 
 def test_weights_of_hardened_rays_are_one_over_their_variance(geometry, generator, hardening):
@@ -160,7 +181,7 @@ def test_a_gap_in_the_views_changes_nothing_far_from_it(geometry, generator):
     angles = [whole.view_angles[view] for view in kept]
     gapped = replace(scan, counts=scan.counts[:, kept], geometry=replace(whole, view_angles=angles))
     torch.testing.assert_close(
-        take_log(gapped).weights.diagonal[:, :90], take_log(scan).weights.diagonal[:, :90], rtol=1e-5, atol=0
+        take_log(gapped).weights.diagonal[:, :70], take_log(scan).weights.diagonal[:, :70], rtol=1e-5, atol=0
     )
 
 

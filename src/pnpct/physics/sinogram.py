@@ -57,6 +57,10 @@ class Sinogram:
             )
 
 
+WIDER = (2.0, 4.0)
+"""Times the smoothing of l: so widely are counts smoothed for the weights, where their noise cannot tell."""
+
+
 def take_log(
     scan: Scan,
     *,
@@ -77,9 +81,9 @@ def take_log(
     finite for every z: behind lead its mean ends at ln(incident/s) + 1. The tangent takes detail finer than
     the smoothing from starved rays only to first order.
 
-    The weights are 1/variance of y, w = e: of smoothed counts, since weights that share the noise of y bias
-    the fit. With a beam-hardening correction h, line integrals are h(y) and weights e/h′²; both stay on an
-    absolute scale.
+    The weights are 1/variance of y, w = e: of counts that are smoothed still more widely where their noise cannot
+    tell, since weights that share the noise of y bias the fit. With a beam-hardening correction h, line integrals are
+    h(y) and weights e/h′²; both stay on an absolute scale.
 
     Rays that were not measured have the weight 0, and take no part in the smoothing. Their line integrals, which only
     FBP uses, are interpolated along the detector.
@@ -122,23 +126,39 @@ def take_log(
     counts, incident = scan.counts, scan.incident.to(scan.counts).where(measured, 1.0)
     floor = max(1.0, scan.electronic_noise)
     # Transmissions are smoothed, not counts: tube current and bow-tie filter may change from ray to ray.
-    smooth = incident * _smooth(counts / incident, scan.geometry, smoothing, measured)
+    transmission = counts / incident
+    smooth = incident * _smooth(transmission, scan.geometry, smoothing, measured)
     equivalent = _noise_equivalent(smooth, scan.electronic_noise)
+    weights = _noise_equivalent(_for_weights(smooth, transmission, scan, smoothing, measured), scan.electronic_noise)
     above = smooth.clamp_min(floor)
     tangent = above.log() + (counts - above) / above
     trust = ((equivalent - low_counts) / max(low_counts, torch.finfo(counts.dtype).tiny)).clamp(0.0, 1.0)
     line_integrals = incident.log() - torch.lerp(tangent, _extended_log(counts, floor), trust)
     if scan.beam_hardening is not None:
         slope = scan.beam_hardening.slope((incident / above).log())
-        line_integrals, equivalent = scan.beam_hardening.correct(line_integrals), equivalent / slope.square()
+        line_integrals, weights = scan.beam_hardening.correct(line_integrals), weights / slope.square()
     if weight == "uniform":
-        equivalent = equivalent[measured.expand_as(equivalent)].mean().expand_as(counts)
+        weights = weights[measured.expand_as(weights)].mean().expand_as(counts)
     interpolated = None
     if not bool(measured.all()):
         interpolated = ~measured
-        line_integrals, equivalent = fill_along_detector(line_integrals, measured), equivalent.where(measured, 0.0)
+        line_integrals, weights = fill_along_detector(line_integrals, measured), weights.where(measured, 0.0)
     bone = scan.beam_hardening.bone if scan.beam_hardening else None
-    return Sinogram(line_integrals, DiagonalWeights(equivalent, scan.geometry.shape), bone, interpolated)
+    return Sinogram(line_integrals, DiagonalWeights(weights, scan.geometry.shape), bone, interpolated)
+
+
+def _for_weights(
+    smooth: Tensor, transmission: Tensor, scan: Scan, smoothing: float, measured: Bool[Tensor, "..."]
+) -> Tensor:
+    """Smooth counts further wherever that leaves them within three standard deviations of their noise."""
+    incident = scan.incident.to(smooth).where(measured, 1.0)
+    for times in WIDER:
+        neighbours = max(math.pi * (times * smoothing) ** 2, 1.0)  # of a Gaussian of half the width
+        wider = incident * _smooth(transmission, scan.geometry, times * smoothing, measured)
+        noise = ((wider.clamp_min(0) + scan.electronic_noise**2) / neighbours).sqrt()
+        differs = (wider - smooth).abs() / noise.clamp_min(torch.finfo(noise.dtype).tiny)
+        smooth = torch.lerp(smooth, wider, (3 - differs).clamp(0, 1))
+    return smooth
 
 
 def _noise_equivalent(counts: Tensor, electronic_noise: float) -> Tensor:
