@@ -178,7 +178,7 @@ class PlugAndPlay:
     denoise: Denoise
     sigma_v: float = SIGMA_V
     damping: float = 0.75
-    iterations: int = 6
+    iterations: int = 5
     stop: RuleName = "relative"
     solver: SolverName = "fourier"
     inner_iterations: int | None = None
@@ -215,7 +215,7 @@ class PlugAndPlay:
         return pnp_admm(
             sinogram,
             A,
-            possible(around_network(self.denoise, sigma_v=last, noise=balanced), A),
+            possible(around_network(self.denoise), A),
             start,
             sigma_v=falling(first, last),
             damping=self.damping,
