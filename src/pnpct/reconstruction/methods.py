@@ -17,6 +17,7 @@ from pnpct.physics import Sinogram
 from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.dead_modules import filled_from_image
 from pnpct.reconstruction.fbp import fbp
+from pnpct.reconstruction.fdk import about_filtered_cone, circle_volume
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
@@ -47,7 +48,7 @@ AMONG_STREAKS = 0.5
 
 @dataclass(frozen=True)
 class FBP:
-    """Filtered back-projection.
+    """Filtered back-projection: of a cone beam that of Feldkamp on a circle, and that of tilted planes on a helix.
 
     Args:
         kernel: "ram-lak", "shepp-logan", "hann" or "soft", from sharp to smooth.
@@ -63,8 +64,12 @@ class FBP:
     def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
+        if isinstance(A, ConeProjector) and A.geometry.trajectory.feed:
+            notes: tuple[str, ...] = (about_filtered_cone(A.geometry, A.grid),)
+            return Reconstruction(tilted_volume(sinogram, A, self), self.settings, notes=notes)
         if isinstance(A, ConeProjector):
-            return Reconstruction(tilted_volume(sinogram, A, self), self.settings)
+            volume, notes = circle_volume(sinogram, A, self.kernel)
+            return Reconstruction(volume, self.settings, notes=notes)
         whole = beyond_fan(_corrected(sinogram, A), A)
         image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
         return Reconstruction(image, self.settings, notes=(*whole.notes, *lines_left_out(sinogram, A.geometry)))
