@@ -77,7 +77,7 @@ class ConeBackprojector(LinearOperator):
         for source, target in zip(
             rays.reshape(-1, *self.domain_shape), volumes.view(-1, *self.range_shape), strict=True
         ):
-            target.copy_(apply(source.float().contiguous()))
+            target.copy_(apply(source.float()))
         return volumes
 
     def _on_cpu(self, rays: Tensor) -> Tensor:
@@ -95,7 +95,7 @@ class ConeBackprojector(LinearOperator):
         step = max(1, TOGETHER // (rows * bins))
         for first in range(0, views, step):
             part = slice(first, min(first + step, views))
-            measured = rays[part].numpy()
+            measured = rays[part].contiguous().numpy()
             packed = np.empty((len(measured), bins + 3, rows), single)
             parallel(kernels.pack_views, len(measured), measured, packed)
             (cosines, sines), (start, low) = ([array[part] for array in arrays] for arrays in (of_views, heights))
