@@ -3,8 +3,10 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+BENCH_VENV ?= .venv-bench
+PEERS = sed -n '/^peers = /,/^]/s/^ *"\(.*\)",/\1/p' pyproject.toml
 
-.PHONY: help setup demo test test-slow lint check dist site format clean
+.PHONY: help setup demo bench test test-slow lint check dist site format clean
 
 help:  ## Say what can be made.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -15,6 +17,15 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[catsim,dev]'
 	touch $(READY)
 
+$(BENCH_VENV)/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(BENCH_VENV)
+	$(BENCH_VENV)/bin/pip install --quiet --upgrade pip
+	$(BENCH_VENV)/bin/pip install --quiet --constraint constraints.txt --editable .
+	for peer in $$($(PEERS)); do \
+	  $(BENCH_VENV)/bin/pip install --quiet --constraint constraints.txt "$$peer" || echo "$$peer cannot be installed here"; \
+	done
+	touch $(BENCH_VENV)/.ready
+
 # Threads that spin while they wait take the processor from the kernels' own.
 export OMP_WAIT_POLICY ?= PASSIVE
 
@@ -22,6 +33,9 @@ setup: $(READY)  ## Make the virtual environment.
 
 demo: $(READY)  ## Simulate a low-dose slice, reconstruct it in several ways, write numbers and a picture.
 	PATH="$(abspath $(BIN)):$$PATH" bash runs/demo.sh demo
+
+bench: $(BENCH_VENV)/.ready  ## Time pnpct against its peers on this quiet machine; figures in bench/. BENCH has options.
+	$(BENCH_VENV)/bin/python benchmarks/bench.py bench $(BENCH)
 
 test: $(READY)  ## Run the tests, README and docs included.
 	$(BIN)/pytest -q -n auto --dist loadfile -m "not slow"
@@ -55,5 +69,5 @@ format: $(READY)  ## Let ruff format and mend what it can.
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-clean:  ## Remove the virtual environment, and what the demo, dist and site wrote.
-	rm -rf $(VENV) demo dist site
+clean:  ## Remove the virtual environments, and what the bench, demo, dist and site wrote.
+	rm -rf $(VENV) $(BENCH_VENV) bench demo dist site

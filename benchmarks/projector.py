@@ -1,12 +1,10 @@
-"""Time the projector and FBP against named peers, interleaved in one process.
+"""Time the projector and FBP on full turns, short scans and uneven views against named peers, in one process.
 
     python benchmarks/projector.py [--rounds 5] [--skip svmbir torchtomo ...]
 
 512 x 512 pixels over 500 mm, 900 bins, 984 views, float32; milliseconds per slice, the minimum and the median over the
-rounds, changes of layout and new output arrays included. Peers: astra-toolbox (flat detector: it has no arc, and one
-thread: its CPU code has no more), svmbir (arc; its system matrix is built before, and read from disk at each call),
-torchtomo (flat; FBP through its CPU path). `pip install 'pnpct[peers]'` has them; a peer that is missing is left out.
-Ratios are of minima, pair of forward and adjoint against ours.
+rounds, changes of layout and new output arrays included. The peers are set up in `contenders.py`; one that is missing
+is left out. Ratios are of minima, pair of forward and adjoint against ours. `bench.py` has more sizes and more peers.
 """
 
 import argparse
@@ -15,29 +13,32 @@ import math
 import resource
 import statistics
 import time
-from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import torch
 
-from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
+from contenders import PEERS, Call, World, pnpct
+from pnpct.geometry import FanBeam, evenly_spaced_views
 from pnpct.operators import Projector
-from pnpct.reconstruction import fbp
 
-SIZE, SPACING, BINS, VIEWS = 512, 500 / 512, 900, 984
-DISTANCES = {"source_to_isocenter": 541.0, "source_to_detector": 949.0, "bin_width": 1.0239}
-GRID = ImageGrid(SIZE, SIZE, spacing=SPACING)
-FULL_TURN = FanBeam(evenly_spaced_views(VIEWS), BINS, **DISTANCES)
+WORLD = World(512)
+SIZE, SPACING, VIEWS = WORLD.size, WORLD.spacing, WORLD.geometry_shape[0]
+GRID = WORLD.grid
+FULL_TURN = WORLD.geometry()
+
+
+def with_views(angles: Any) -> FanBeam:
+    return replace(FULL_TURN, view_angles=tuple(angles))
+
+
 SCANS = {
     "arc": FULL_TURN,
-    "985 views": FanBeam(evenly_spaced_views(985), BINS, **DISTANCES),
-    "986 views": FanBeam(evenly_spaced_views(986), BINS, **DISTANCES),
-    "short scan": FanBeam(FULL_TURN.view_angles[:660], BINS, **DISTANCES),
-    "gaps": FanBeam([a for n, a in enumerate(FULL_TURN.view_angles) if n % 100 < 80], BINS, **DISTANCES),
+    "985 views": with_views(evenly_spaced_views(985)),
+    "986 views": with_views(evenly_spaced_views(986)),
+    "short scan": with_views(FULL_TURN.view_angles[:660]),
+    "gaps": with_views(a for n, a in enumerate(FULL_TURN.view_angles) if n % 100 < 80),
 }
-
-Call = Callable[[], object]
 
 
 def ours(scan: str, slices: int, threads: int, method: Any = "distance-driven") -> tuple[Call, Call]:
@@ -52,42 +53,6 @@ def ours(scan: str, slices: int, threads: int, method: Any = "distance-driven") 
         return run
 
     return on_threads(lambda: A(x)), on_threads(lambda: A.T(y))
-
-
-def astra(kind: str) -> tuple[Call, Call]:
-    import astra as toolbox
-
-    # In pixels, as ASTRA wants them for a volume of unit pixels.
-    distance, to_detector = (length / SPACING for length in (541.0, 949.0 - 541.0))
-    volume = toolbox.create_vol_geom(SIZE, SIZE)
-    angles = np.linspace(0, 2 * math.pi, VIEWS, endpoint=False)
-    rays = toolbox.create_proj_geom("fanflat", 1.0239 / SPACING, BINS, angles, distance, to_detector)
-    operator = toolbox.OpTomo(toolbox.create_projector(kind, rays, volume))
-    x = np.random.default_rng(0).random((SIZE, SIZE), np.float32)
-    y = np.random.default_rng(1).random((VIEWS, BINS), np.float32)
-    return lambda: operator.FP(x), lambda: operator.BP(y)
-
-
-def svmbir() -> tuple[Call, Call]:
-    import svmbir as package
-
-    angles = np.linspace(0, 2 * math.pi, VIEWS, endpoint=False)
-    fan = {
-        "geometry": "fan-curved",
-        "dist_source_detector": 949.0,
-        "magnification": 949.0 / 541.0,
-        "delta_channel": 1.0239,
-        "delta_pixel": SPACING,
-        "roi_radius": 250.0,
-        "num_threads": torch.get_num_threads(),
-        "verbose": 0,
-    }
-    x = np.random.default_rng(0).random((1, SIZE, SIZE), np.float32)
-    y = np.random.default_rng(1).random((VIEWS, 1, BINS), np.float32)
-    return (
-        lambda: package.project(x, angles, BINS, **fan),
-        lambda: package.backproject(y, angles, num_rows=SIZE, num_cols=SIZE, **fan),
-    )
 
 
 def measure(contenders: dict[str, tuple[int, Call, Call]], rounds: int) -> dict[str, tuple[float, float, float]]:
@@ -116,11 +81,10 @@ def compare_projectors(rounds: int, skip: list[str]) -> None:
     for scan in list(SCANS)[1:]:
         for slices in (1, 8):
             contenders[f"pnpct {scan}, {slices} slices, 2 threads"] = (slices, *ours(scan, slices, 2))
-    if available("astra", skip):
-        contenders["astra line_fanflat"] = (1, *astra("line_fanflat"))
-        contenders["astra strip_fanflat"] = (1, *astra("strip_fanflat"))
-    if available("svmbir", skip):
-        contenders["svmbir fan-curved"] = (1, *svmbir())
+    for name in ("astra line_fanflat", "astra strip_fanflat", "svmbir fan-curved"):
+        if available(PEERS[name].module, skip):
+            parts = PEERS[name].make(WORLD)
+            contenders[name] = (1, parts["forward"], parts["adjoint"])
     results = measure(contenders, rounds)
     peers = [name for name in results if not name.startswith("pnpct")]
     print("| projector | forward | adjoint | pair | median pair |" + "".join(f" {peer} / this |" for peer in peers))
@@ -132,35 +96,18 @@ def compare_projectors(rounds: int, skip: list[str]) -> None:
 
 
 def compare_fbp(rounds: int, skip: list[str]) -> None:
-    A = Projector(GRID, FULL_TURN)
     calls: dict[str, tuple[int, Call, Call]] = {}
     for slices in (1, 8):
-        y = torch.rand(slices, VIEWS, BINS)
-        calls[f"pnpct fbp, {slices} slices"] = (slices, lambda y=y: fbp(y, A), lambda: None)
+        calls[f"pnpct fbp, {slices} slices"] = (slices, pnpct(World(SIZE, slices))["fbp"], lambda: None)
     if available("torchtomo", skip):
-        calls["torchtomo fbp, 8 slices"] = (8, torchtomo_fbp(8), lambda: None)
+        fbp = PEERS["torchtomo FBP"].make(World(SIZE, 8))["fbp"]
+        calls["torchtomo fbp, 8 slices"] = (8, fbp, lambda: None)
     torch.set_num_threads(2)
     results = measure(calls, rounds)
     print("\n| FBP, 2 threads | ms per slice | median | torchtomo / this |\n|---|---|---|---|")
     peer = results.get("torchtomo fbp, 8 slices")
     for name, (best, _, median) in results.items():
         print(f"| {name} | {best:.1f} | {median:.1f} | {peer[0] / best if peer else math.nan:.1f} |")
-
-
-def torchtomo_fbp(slices: int) -> Call:
-    import torchtomo
-
-    peer = torchtomo.FanBeam(
-        img_size=SIZE,
-        n_angles=VIEWS,
-        n_det=BINS,
-        src_dist=541.0 / SPACING,
-        det_dist=408.0 / SPACING,
-        det_spacing=1.0239 / SPACING,
-        backend="torch",
-    )
-    y = torch.rand(slices, 1, VIEWS, BINS)
-    return lambda: peer.fbp(y)
 
 
 def available(peer: str, skip: list[str]) -> bool:

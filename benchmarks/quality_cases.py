@@ -1,7 +1,7 @@
 """The scans that `quality.py` judges denoisers by; none took part in training."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,12 @@ PATIENTS = 900
 """Seed of the procedural patients that the networks were chosen by."""
 
 DIAMETER_MM, CONTRAST_HU = 12.0, -40.0
+
+RESIZED = {"large-abdomen": ("abdomen", 1.2), "child": ("abdomen", 0.7)}
+"""The same patients in another size."""
+
+WIDEST_MM = 500.0
+"""Field of view of the scanner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +78,10 @@ def cases(folder: Path, names: list[str], patients: int = PATIENTS) -> Iterator[
 
 
 def _make(name: str, files: list[Path], patients: int) -> None:
-    source = procedural_patient(name, np.random.default_rng([patients, *name.encode()]))
+    anatomy, scale = RESIZED.get(name, (name, 1.0))
+    source = procedural_patient(anatomy, np.random.default_rng([patients, *anatomy.encode()])).resized(scale)
     grid, geometry = source.grid, clinical_fan_beam()
+    grid = replace(grid, spacing=min(grid.spacing, WIDEST_MM / grid.cols))
     beam = scanner_beam(geometry, tube_voltage_kvp=120.0)
     image = truth(source.body.slice(source.height, grid.halved), grid, energy=beam.effective_energy)
     _, (x, y) = _uniform(image, grid)

@@ -250,3 +250,16 @@ def test_the_dimensions_of_images_and_rays_are_counted_from_the_last():
     assert (A.domain_dims, A.range_dims) == ((-3, -2, -1), (-2, -1))
     assert (A.T.domain_dims, A.T.range_dims) == (A.range_dims, A.domain_dims)
     assert torch.ones(2, *A.domain_shape).sum(A.domain_dims).tolist() == [60.0, 60.0]
+
+
+def test_strips_have_a_width_wherever_their_rays_run():
+    # In so wide a fan some rays begin beside the image and run away from its middle row.
+    wide = FanBeam(evenly_spaced_views(15), 55, 508.0, 980.0, bin_width=64.0, detector="flat")
+    away = 0
+    for table in ray_lines(ImageGrid(19, 19, spacing=35.9), wide, "distance-driven"):
+        _, apex_row, down = np.repeat(table.apex[table.pencil], table.parts, axis=0).T
+        from_middle = np.arange(table.rows)[:, None] - (table.rows - 1) / 2
+        in_front = (from_middle - apex_row) * down > 0.1
+        assert (table.width + table.widening * from_middle)[in_front].min() > 0
+        away += int((in_front.any(0) & (apex_row * down > 0)).sum())
+    assert away > 0

@@ -20,6 +20,7 @@ from pnpct.reconstruction import (
     reconstruct,
     starting_state,
 )
+from pnpct.reconstruction.around_network import around_network
 from pnpct.reconstruction.methods import falling
 from pnpct.reconstruction.normal_equations import balanced_sigma_v, plain
 
@@ -50,6 +51,7 @@ def network() -> LearnedDenoiser:
 def iterates(sinogram: Sinogram, A: Projector, denoise, number: int) -> list[torch.Tensor]:
     balanced, last = balanced_sigma_v(sinogram, A), PlugAndPlay.sigma_v
     sigma_v = falling(balanced.maximum((3 * balanced).clamp(max=3 * last)), last)
+    denoise = around_network(denoise, sigma_v=last, noise=balanced)
     states = pnp_admm(sinogram, A, denoise, starting_state(sinogram, A), sigma_v=sigma_v, damping=PlugAndPlay.damping)
     return [state.v for state in itertools.islice(states, number)]
 
@@ -91,7 +93,8 @@ def test_at_low_dose_sigma_v_falls_to_what_was_asked_for(sinogram, A, monkeypatc
     blur = Gaussian(0.7)
     made = PlugAndPlay(blur, sigma_v=last, iterations=20, stop="never")(weak, A).image
     assert solver == pytest.approx([begun, 0.6 * begun, 0.36 * begun, *17 * [last]], rel=1e-5)
-    from_there = itertools.islice(pnp_admm(weak, A, blur, starting_state(weak, A), sigma_v=last, damping=0.5), 39, None)
+    start, damping = starting_state(weak, A), PlugAndPlay.damping
+    from_there = itertools.islice(pnp_admm(weak, A, blur, start, sigma_v=last, damping=damping), 39, None)
     assert float((made - next(from_there).v).square().mean().sqrt()) < 1e-3
 
 

@@ -4,20 +4,20 @@ import threading
 from collections.abc import Sequence
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from pnpct.operators import lane_kernels as lanes
 from pnpct.operators import strip_kernels as kernels
 from pnpct.operators.lane_kernels import Array
-from pnpct.operators.ray_lines import RayLines
-from pnpct.operators.strip_kernels import BLOCK, CHUNK, LEFT, RIGHT
+from pnpct.operators.ray_lines import LEFT, RIGHT, RayLines
+from pnpct.operators.strip_kernels import BLOCK, CHUNK
 from pnpct.operators.threads import parallel
-
-LANES = 32
-"""Most lanes of a tile: what is computed for a strip then serves 8 slices. Larger batches are a sequence of tiles."""
+from pnpct.operators.tiles import tile
 
 
 class CpuProjector:
-    """Forward and transpose of the same strips, for arrays [slice][row][col] and [slice][ray].
+    """Forward and transpose of the same strips, for tensors [slice][row][col] and [slice][ray].
 
     The working arrays of one tile are cached between calls, because fresh memory costs as much as the work; a lock
     makes calls from several threads take turns.
@@ -29,9 +29,10 @@ class CpuProjector:
         self._buffers: dict[tuple[int, ...], Array] = {}
         self._lock = threading.Lock()
 
-    def project(self, images: Array) -> Array:
+    def project(self, images: Tensor) -> Tensor:
         """Return the sums along all rays."""
         rays = np.empty((images.shape[0], self._rays), np.float32)
+        source = images.numpy()
         with self._lock:
             for table, lines in zip(self._tables, self._lines, strict=True):
                 size, slices = tile(images.shape[0], len(table.turns))
@@ -39,14 +40,15 @@ class CpuProjector:
                 shape, width = (table.rows, table.cols), (0.0,) * size
                 cells = table.measured.shape[0]
                 for at in range(0, images.shape[0], slices):
-                    parallel(lanes.pack_image, image.shape[0], images, table.turns, at, LEFT, image, multiple=BLOCK)
+                    parallel(lanes.pack_image, image.shape[0], source, table.turns, at, LEFT, image, multiple=BLOCK)
                     parallel(kernels.project, table.strips, image, lines, strips, *shape, width, multiple=CHUNK)
                     parallel(lanes.unpack_rays, cells, strips, table.measured, table.parts, at, rays)
-        return rays
+        return torch.from_numpy(rays)
 
-    def back_project(self, rays: Array, *, squared: bool = False) -> Array:
+    def back_project(self, rays: Tensor, *, squared: bool = False) -> Tensor:
         """Return the transpose of `project`, or of the same map with each weight squared."""
         images = np.empty((rays.shape[0], *self._image_shape), np.float32)
+        source = rays.numpy()
         power = (0.0,) * (2 if squared else 1)
         with self._lock:
             for number, (table, lines) in enumerate(zip(self._tables, self._lines, strict=True)):
@@ -55,7 +57,7 @@ class CpuProjector:
                 shape, width = (table.rows, table.cols), (0.0,) * size
                 cells, rows = table.measured.shape[0], self._image_shape[0]
                 for at in range(0, rays.shape[0], slices):
-                    parallel(lanes.pack_rays, cells, rays, table.measured, table.parts, at, strips)
+                    parallel(lanes.pack_rays, cells, source, table.measured, table.parts, at, strips)
                     parallel(
                         kernels.back_project, len(image), image, lines, strips, *shape, power, width, multiple=BLOCK
                     )
@@ -70,7 +72,7 @@ class CpuProjector:
                         number == 0,
                         multiple=BLOCK,
                     )
-        return images
+        return torch.from_numpy(images)
 
     def _working_arrays(self, table: RayLines, size: int) -> tuple[Array, Array]:
         height = -(-table.rows // BLOCK) * BLOCK
@@ -83,14 +85,6 @@ class CpuProjector:
         if shape not in self._buffers:
             self._buffers[shape] = lanes.aligned(shape)
         return self._buffers[shape]
-
-
-def tile(slices: int, turns: int) -> tuple[int, int]:
-    """Return how many lanes a tile has and how many slices it holds."""
-    size = turns
-    while size < min(LANES, slices * turns):
-        size *= 2
-    return size, size // turns
 
 
 def _columns(table: RayLines) -> tuple[Array, ...]:

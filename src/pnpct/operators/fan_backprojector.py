@@ -11,13 +11,14 @@ from typing_extensions import override
 from pnpct.arrays import Image, Rays
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import lane_kernels as lanes
-from pnpct.operators.cpu_projector import tile
 from pnpct.operators.fan_kernels import BLOCK, back_project_fan
 from pnpct.operators.gradients import linear
+from pnpct.operators.kernels import triton_runs_on
 from pnpct.operators.lane_kernels import Array
 from pnpct.operators.linear_operator import LinearOperator
 from pnpct.operators.ray_lines import turns_onto_itself, view_orbits
 from pnpct.operators.threads import parallel
+from pnpct.operators.tiles import tile
 
 WIDEST_FAN = np.pi / 4
 
@@ -85,6 +86,10 @@ class FanBackprojector(LinearOperator):
         flat = rays.reshape(-1, *self.geometry.shape).float().contiguous()
         if flat.device.type == "cpu":
             images = torch.from_numpy(self._on_cpu(flat.numpy().reshape(len(flat), -1)))
+        elif triton_runs_on(flat.device):
+            from pnpct.operators.triton_backprojector import back_project_fan
+
+            images = back_project_fan(flat, self.grid, self.geometry, self.bins)
         else:
             images = self._anywhere(flat)
         return images.reshape(*rays.shape[:-2], *self.grid.shape).to(rays.dtype)

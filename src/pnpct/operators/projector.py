@@ -1,7 +1,7 @@
 """The projector of a fan beam: line integrals of an image, their exact adjoint, and gradients through both."""
 
 from functools import lru_cache, partial
-from typing import Any, final
+from typing import final
 
 import torch
 from torch import Tensor
@@ -11,6 +11,7 @@ from pnpct.arrays import Image, Rays
 from pnpct.geometry import Geometry, ImageGrid, require_fan_beam
 from pnpct.operators.cpu_projector import CpuProjector
 from pnpct.operators.gradients import linear
+from pnpct.operators.kernels import Kernels, triton_runs_on
 from pnpct.operators.linear_operator import LinearOperator
 from pnpct.operators.ray_lines import Method, check_reach, ray_lines
 from pnpct.operators.torch_projector import TorchProjector
@@ -29,7 +30,8 @@ class Projector(LinearOperator):
 
     It computes in float32 and answers in the precision it was asked in. Autograd works through both directions, any
     number of times. On a CPU the kernels are compiled at their first use, once per machine, and use as many threads
-    as PyTorch; the result does not depend on that number. On other devices plain torch operations do the same.
+    as PyTorch; the result does not depend on that number. On a CUDA device Triton's kernels do the same, compiled at
+    their first use too; on other devices plain torch operations.
 
     Args:
         grid: Where the pixels are.
@@ -93,18 +95,21 @@ class Projector(LinearOperator):
         """Run the kernels for the device on a batch, in units of water."""
         slices = array.reshape(-1, *array.shape[-2:]).float().contiguous()
         kernels = self._kernels(array.device)
-        values: Any = slices.numpy() if isinstance(kernels, CpuProjector) else slices
-        if transpose:
-            result = kernels.back_project(values.reshape(len(values), -1), squared=squared)
-        else:
-            result = kernels.project(values)
-        answer = torch.as_tensor(result) * (self.mu_water**2 if squared else self.mu_water)
+        result = kernels.back_project(slices.flatten(1), squared=squared) if transpose else kernels.project(slices)
+        answer = result * (self.mu_water**2 if squared else self.mu_water)
         shape = self.domain_shape if transpose else self.range_shape
         return answer.reshape(*array.shape[:-2], *shape).to(array.dtype)
 
-    def _make_kernels(self, device: torch.device) -> CpuProjector | TorchProjector:
-        rays = self.geometry.views * self.geometry.bins
-        tables = ray_lines(self.grid, self.geometry, self.method)
+    def _make_kernels(self, device: torch.device) -> Kernels:
+        what = (
+            ray_lines(self.grid, self.geometry, self.method),
+            self.grid.shape,
+            self.geometry.views * self.geometry.bins,
+        )
         if device.type == "cpu":
-            return CpuProjector(tables, self.grid.shape, rays)
-        return TorchProjector(tables, self.grid.shape, rays, device)
+            return CpuProjector(*what)
+        if triton_runs_on(device):
+            from pnpct.operators.triton_projector import TritonProjector
+
+            return TritonProjector(*what, device)
+        return TorchProjector(*what, device)

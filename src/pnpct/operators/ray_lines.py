@@ -27,6 +27,15 @@ SAME_ANGLE = 2e-6
 WIDEST_STRIP = 2.0
 """A strip wider than this on a row, in columns, is cut into narrower ones, so that three taps always cover it."""
 
+TAPS = 3
+"""Columns next to one another that a strip can have something of on a row."""
+
+LEFT, RIGHT = 1, 3
+"""Columns of zeros beside the image; strips that begin outside are moved there."""
+
+NARROWEST = 1e-6
+"""Columns. Behind the focal spot, always beside the image, the lines of a strip cross and its width is negative."""
+
 
 @dataclass(frozen=True)
 class RayLines:
@@ -47,6 +56,9 @@ class RayLines:
         length: Path per row, mm, as a part of the strip's cell.
         measured: For each cell and lane the number of its ray (view · bins + bin), or −1 for none.
         parts: Strips per cell, which follow one another in the table.
+        pencil: For each cell the number of its pencil: rays of one view that run to the same side of the rows. The left
+            edges of their strips meet in one point.
+        apex: For each pencil that point, column and rows below the middle, and 1 if the rays run downwards, −1 if up.
     """
 
     turns: tuple[int, ...]
@@ -59,6 +71,8 @@ class RayLines:
     length: NDArray[np.float32]
     measured: NDArray[np.int32]
     parts: int
+    pencil: NDArray[np.int32]
+    apex: NDArray[np.float32]
 
     @property
     def strips(self) -> int:
@@ -192,16 +206,22 @@ def _tabulate(
         at.append(column)
         slopes.append(slope)
     length = grid.spacing * np.sqrt(1 + slopes[1] ** 2)
+    direction = geometry.detector_points(centers) - geometry.focal_spots()[:, None]
+    down = np.where(_turned(direction, turn)[..., 1] < 0, 1, -1)
     if method == "joseph":
         # Interpolation between two pixel centres is the mean under a strip one column wide.
         edge, slope = at[1] - 0.5, slopes[1]
         width, widening = np.ones_like(edge), np.zeros_like(edge)
     else:
-        left = at[0] <= at[2]
+        left = slopes[0] * down <= slopes[2] * down  # where the rays run; in a wide fan the middle row may be behind
         edge, slope = np.where(left, at[0], at[2]), np.where(left, slopes[0], slopes[2])
-        width, widening = np.abs(at[2] - at[0]), np.where(left, 1, -1) * (slopes[2] - slopes[0])
-    widest = (width + np.abs(widening) * (rows - 1) / 2)[keep].max(initial=0.0)
+        width, widening = (np.where(left, 1, -1) * (ends[2] - ends[0]) for ends in (at, slopes))
+    widest = (width[keep] + np.abs(widening[keep]) * (rows - 1) / 2).max(initial=0.0)
     parts = max(1, math.ceil(widest / WIDEST_STRIP))
+
+    pencil, apex = _pencils(grid, geometry, turn, down, keep, cols)
+    if method == "joseph":
+        apex[:, 0] -= 0.5
 
     def strips(values: NDArray[np.float64]) -> NDArray[np.float32]:
         return np.repeat(values[keep], parts).astype(np.float32)
@@ -218,6 +238,8 @@ def _tabulate(
         length=strips(length / parts),
         measured=np.ascontiguousarray(ray[keep], np.int32),
         parts=parts,
+        pencil=pencil,
+        apex=apex.astype(np.float32),
     )
 
 
@@ -228,13 +250,30 @@ def _line(
     spot = np.broadcast_to(geometry.focal_spots()[:, None], (geometry.views, angles.size, 2))
     direction = geometry.detector_points(angles) - spot
     center = np.broadcast_to(np.asarray(grid.center), spot.shape)
-    once = (turn % 2 == 1)[..., None]
-
-    def turned(point: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.where(once, np.stack([point[..., 1], -point[..., 0]], axis=-1), point)
-
-    spot, direction, center = turned(spot), turned(direction), turned(center)
+    spot, direction, center = (_turned(point, turn) for point in (spot, direction, center))
     with np.errstate(divide="ignore", invalid="ignore"):  # flat rays, which the caller leaves out
         per_y = direction[..., 0] / direction[..., 1]
         x_at_middle = spot[..., 0] + (center[..., 1] - spot[..., 1]) * per_y
     return (x_at_middle - center[..., 0]) / grid.spacing + cols / 2, -per_y
+
+
+def _pencils(
+    grid: ImageGrid,
+    geometry: FanBeam,
+    turn: NDArray[np.int64],
+    down: NDArray[np.int64],
+    keep: NDArray[np.bool_],
+    cols: int,
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return `pencil` and `apex` of the rays to keep."""
+    name = (np.arange(geometry.views)[:, None] * 2 + turn % 2) * 2 + (down > 0)
+    names, pencil = np.unique(name[keep], return_inverse=True)
+    spot = (geometry.focal_spots()[names // 4] - grid.center) / grid.spacing
+    spot = _turned(spot, names // 2 % 2)
+    apex = np.stack([spot[:, 0] + cols / 2, -spot[:, 1], np.where(names % 2, 1.0, -1.0)], axis=1)
+    return pencil.astype(np.int32), apex
+
+
+def _turned(point: NDArray[np.float64], turn: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return points of the plane after `turn` clockwise quarter turns, 0 or 1."""
+    return np.where((turn % 2 == 1)[..., None], np.stack([point[..., 1], -point[..., 0]], axis=-1), point)

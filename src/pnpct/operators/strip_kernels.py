@@ -19,6 +19,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
+from pnpct.operators.ray_lines import LEFT, NARROWEST, TAPS
 from pnpct.operators.vector_ir import FREE, INT, LONG, Vector, element, fill, times
 
 BLOCK = 64
@@ -26,14 +27,6 @@ BLOCK = 64
 
 CHUNK = 32
 """Strips treated before their weights are used: reading immediately what was just written would stall."""
-
-LEFT, RIGHT = 1, 3
-"""Columns of zeros beside the image; strips that begin outside are moved there."""
-
-TAPS = 3
-
-NARROWEST = 1e-6
-"""Columns. Behind the focal spot, always beside the image, the lines of a strip cross and its width is negative."""
 
 
 def _block(lanes: int) -> int:

@@ -6,14 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from pnpct.operators.ray_lines import RayLines
-
-_LEFT, _RIGHT, _TAPS, _NARROWEST = (
-    1,
-    3,
-    3,
-    1e-6,
-)  # as in the compiled kernels, which are not imported where unused
+from pnpct.operators.ray_lines import LEFT, NARROWEST, RIGHT, TAPS, RayLines
 
 _ELEMENTS = 1 << 23
 """Numbers in the largest temporary array."""
@@ -40,10 +33,9 @@ class TorchProjector:
         """Return the sums along all rays."""
         rays = images.new_empty(images.shape[0], self._rays + 1)  # the last one stands for what was not measured
         for number, table in enumerate(self._tables):
-            turned = torch.stack([torch.rot90(self._framed(images, table), -q, (1, 2)) for q in table.turns], dim=-1)
-            pixels = pad(turned, (0, 0, _LEFT, _RIGHT)).flatten(1, 2)
+            pixels = pad(turned(images, table), (0, 0, LEFT, RIGHT)).flatten(1, 2)
             for measured, place, weights in self._pieces(number, images.shape[0]):
-                taps = [(pixels[:, place + t] * weights[t][..., None]).sum(2) for t in range(_TAPS)]
+                taps = [(pixels[:, place + t] * weights[t][..., None]).sum(2) for t in range(TAPS)]
                 rays[:, measured] = sum(taps[1:], taps[0]).unflatten(1, (-1, table.parts)).sum(2)
         return rays[:, :-1].contiguous()
 
@@ -52,27 +44,15 @@ class TorchProjector:
         padded = pad(rays, (0, 1))
         images = rays.new_zeros(rays.shape[0], *self._image_shape)
         for number, table in enumerate(self._tables):
-            pixels = rays.new_zeros(rays.shape[0], table.rows * (_LEFT + table.cols + _RIGHT), len(table.turns))
+            pixels = rays.new_zeros(rays.shape[0], table.rows * (LEFT + table.cols + RIGHT), len(table.turns))
             for measured, place, weights in self._pieces(number, rays.shape[0]):
                 values = padded[:, measured].repeat_interleave(table.parts, 1)[:, :, None]
-                for tap in range(_TAPS):
+                for tap in range(TAPS):
                     weight = weights[tap] ** 2 if squared else weights[tap]
                     pixels.index_add_(1, (place + tap).flatten(), (values * weight[..., None]).flatten(1, 2))
-            turned = pixels.unflatten(1, (table.rows, -1))[:, :, _LEFT : _LEFT + table.cols]
-            for lane, turn in enumerate(table.turns):
-                images += self._unframed(torch.rot90(turned[..., lane], turn, (1, 2)))
+            inside = pixels.unflatten(1, (table.rows, -1))[:, :, LEFT : LEFT + table.cols]
+            images += turned_back(inside, table, self._image_shape)
         return images
-
-    def _framed(self, images: Tensor, table: RayLines) -> Tensor:
-        """Surround the image by zeros to the square that several turns need."""
-        if len(table.turns) == 1:
-            return images
-        beside, above = ((table.rows - side) // 2 for side in self._image_shape[::-1])
-        return pad(images, (beside, beside, above, above))
-
-    def _unframed(self, images: Tensor) -> Tensor:
-        above, beside = ((have - want) // 2 for have, want in zip(images.shape[1:], self._image_shape, strict=True))
-        return images[:, above : above + self._image_shape[0], beside : beside + self._image_shape[1]]
 
     def _pieces(self, number: int, slices: int) -> Iterator[tuple[Tensor, Tensor, list[Tensor]]]:
         """Yield, for some cells at a time, their rays, the first pixel on each row, and the weights of the taps."""
@@ -84,10 +64,25 @@ class TorchProjector:
             cells = slice(first, first + step)
             strips = slice(first * table.parts, (first + step) * table.parts)
             edge, slope, width, widening, length = (line[strips, None] for line in self._lines[number])
-            left, wide = edge + slope * from_middle, (width + widening * from_middle).clamp(min=_NARROWEST)
-            column = left.floor().clamp(-_LEFT, table.cols)
-            shares = [((left + wide - column - tap) / wide).clamp(0, 1) for tap in range(1, _TAPS)]
+            left, wide = edge + slope * from_middle, (width + widening * from_middle).clamp(min=NARROWEST)
+            column = left.floor().clamp(-LEFT, table.cols)
+            shares = [((left + wide - column - tap) / wide).clamp(0, 1) for tap in range(1, TAPS)]
             falling = [torch.ones_like(left), *shares, torch.zeros_like(left)]
-            weights = [(falling[tap] - falling[tap + 1]) * length for tap in range(_TAPS)]
-            place = rows * (_LEFT + table.cols + _RIGHT) + column.long() + _LEFT
+            weights = [(falling[tap] - falling[tap + 1]) * length for tap in range(TAPS)]
+            place = rows * (LEFT + table.cols + RIGHT) + column.long() + LEFT
             yield measured[cells], place, weights
+
+
+def turned(images: Tensor, table: RayLines) -> Tensor:
+    """Return [slice][row][col][turn]: the images after each of the turns, in the square that several need."""
+    if len(table.turns) > 1:
+        beside, above = ((table.rows - side) // 2 for side in (images.shape[2], images.shape[1]))
+        images = pad(images, (beside, beside, above, above))
+    return torch.stack([torch.rot90(images, -turn, (1, 2)) for turn in table.turns], dim=-1)
+
+
+def turned_back(pixels: Tensor, table: RayLines, shape: tuple[int, int]) -> Tensor:
+    """Return the transpose of `turned`: the sum over the turns of the images, each turned back."""
+    back = [torch.rot90(pixels[..., lane], turn, (1, 2)) for lane, turn in enumerate(table.turns)]
+    above, beside = ((have - want) // 2 for have, want in zip(back[0].shape[1:], shape, strict=True))
+    return sum(back[1:], back[0])[:, above : above + shape[0], beside : beside + shape[1]]

@@ -50,7 +50,7 @@ def fdk(line_integrals: ConeRays, projector: ConeProjector, *, kernel: Kernel = 
 
 
 def circle_volume(sinogram: Sinogram, A: ConeProjector, kernel: Kernel) -> tuple[Volume, tuple[str, ...]]:
-    """Return `fdk` and notes on it, with what `FBP` does for a fan beam done row by row: bone, and beyond the fan."""
+    """Return `fdk` and notes, after bone and what reaches beyond the fan are treated row by row, as `FBP` does."""
     weights, geometry = sinogram.weights, A.geometry
     assert isinstance(weights, DiagonalWeights)
     of_rows, diagonal = (array.transpose(-3, -2) for array in (sinogram.line_integrals, weights.diagonal))
@@ -61,7 +61,7 @@ def circle_volume(sinogram: Sinogram, A: ConeProjector, kernel: Kernel) -> tuple
     detector = replace(geometry.detector, bins=wide.bins, offset=wide.detector_offset)
     continued = ConeProjector(A.grid, replace(geometry, detector=detector), mu_water=A.mu_water)
     volume = fdk(whole.sinogram.line_integrals.transpose(-3, -2), continued, kernel=kernel)
-    return volume, (*whole.notes, *lines_left_out(rows, fan.geometry), about_filtered_cone(geometry, A.grid))
+    return volume, (*whole.notes, *lines_left_out(rows, fan.geometry))
 
 
 def about_filtered_cone(geometry: ConeBeam, grid: VolumeGrid) -> str:

@@ -14,6 +14,7 @@ from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation, denoiser_settings
 from pnpct.operators import AnyProjector, ConeProjector, Kernel, Projector
 from pnpct.physics import Sinogram
+from pnpct.reconstruction.around_network import around_network
 from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.dead_modules import filled_from_image
 from pnpct.reconstruction.fbp import fbp
@@ -64,12 +65,10 @@ class FBP:
     def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct; there are no iterates to watch."""
         del progress
-        if isinstance(A, ConeProjector) and A.geometry.trajectory.feed:
-            notes: tuple[str, ...] = (about_filtered_cone(A.geometry, A.grid),)
-            return Reconstruction(tilted_volume(sinogram, A, self), self.settings, notes=notes)
         if isinstance(A, ConeProjector):
-            volume, notes = circle_volume(sinogram, A, self.kernel)
-            return Reconstruction(volume, self.settings, notes=notes)
+            helix = A.geometry.trajectory.feed
+            volume, notes = (tilted_volume(sinogram, A, self), ()) if helix else circle_volume(sinogram, A, self.kernel)
+            return Reconstruction(volume, self.settings, notes=(*notes, about_filtered_cone(A.geometry, A.grid)))
         whole = beyond_fan(_corrected(sinogram, A), A)
         image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
         return Reconstruction(image, self.settings, notes=(*whole.notes, *lines_left_out(sinogram, A.geometry)))
@@ -158,7 +157,8 @@ class PlugAndPlay:
     one that is in balance with the data, and no less than in balance; and falls by `FALL` in each. So the edges come
     from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM is damped: what u collects is mostly
     noise, and networks, the proximal maps of no function, would take it for anatomy. On a limited angle the image has
-    no negative attenuation (`possible`). Where the pixels are large, the noise low and the network knows smaller ones,
+    no negative attenuation (`possible`). A network sees the image mirrored in turn, and a little total variation is
+    behind it (`around_network`). Where the pixels are large, the noise low and the network knows smaller ones,
     the iterates have pixels of half the size (`on_finer_pixels`).
 
     Args:
@@ -180,7 +180,7 @@ class PlugAndPlay:
 
     denoise: Denoise
     sigma_v: float = SIGMA_V
-    damping: float = 0.5
+    damping: float = 0.75
     iterations: int = 6
     stop: RuleName = "relative"
     solver: SolverName = "fourier"
@@ -218,7 +218,7 @@ class PlugAndPlay:
         return pnp_admm(
             sinogram,
             A,
-            possible(self.denoise, A),
+            possible(around_network(self.denoise, sigma_v=last, noise=balanced), A),
             start,
             sigma_v=falling(first, last),
             damping=self.damping,

@@ -1,5 +1,6 @@
 """The normal equations (AᵀWA + β) x = b of the data step: their scale, and conjugate gradients."""
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeAlias, final
 
@@ -23,17 +24,17 @@ MakeSolver: TypeAlias = Callable[[Sinogram, AnyProjector], Solve]
 Preconditioner: TypeAlias = Callable[[Tensor], Operator]
 """β -> M⁻¹, near the inverse of AᵀWA + β; β is one number, or one per image."""
 
-INNER_ITERATIONS = 3
+INNER_ITERATIONS = 2
 """Minimum steps of an iterative solver in each data step. Warm-started they add up; an exact solution is wasted."""
 
 MOST_INNER_ITERATIONS = 20
 """Steps that a solver takes while its residual is too large, as it is in the first data steps."""
 
-TOLERANCE = 2e-3
-"""Residual that is small enough, relative to the right-hand side, both in the norm of M⁻¹.
+TOLERANCE = 0.1
+"""Error of a solution that is small enough, relative to its noise, both in the norm of AᵀWA + β.
 
-FBP, where the iterations begin, weighs all rays alike. It is off by shading where rays of little weight cross, between
-hips above all, and three steps at a time took twenty iterations to take that away.
+In that norm the square of the noise is the number of pixels, and that of the image Σ w y²: an image of little noise is
+solved more exactly than one of much.
 """
 
 OBJECT = 0.3
@@ -123,7 +124,7 @@ def conjugate_gradient(
     *,
     iterations: int,
     most: int = 0,
-    tolerance: float = 0.0,
+    tolerance: float | Tensor = 0.0,
     precondition: Operator | None = None,
 ) -> tuple[Image | Volume, Image | Volume]:
     """Improve x towards H x = b by preconditioned conjugate gradients, each image of a batch on its own.
@@ -141,7 +142,7 @@ def conjugate_gradient(
         Hx: H of it.
         iterations: Minimum steps, at least 1.
         most: Maximum steps, where this is more.
-        tolerance: Residual that is small enough, relative to the right-hand side.
+        tolerance: Residual that is small enough, relative to the right-hand side, one number or one per image.
         precondition: M⁻¹, symmetric positive definite; none for plain conjugate gradients.
 
     Returns:
@@ -164,7 +165,7 @@ def conjugate_gradient(
     last = max(iterations, most) - 1
     for iteration in range(last + 1):
         going = (rz > enough) | (iteration < iterations)
-        if not going.any():
+        if iteration >= iterations and not going.any():  # on a GPU each question waits for the answer
             break
         Hp = H(p)
         curvature = dot(p, Hp)
@@ -183,7 +184,7 @@ def warm_started(
 ) -> Solve:
     """Make a solver that takes a few conjugate-gradient steps from the given image.
 
-    It takes more, up to `MOST_INNER_ITERATIONS`, while the residual exceeds `TOLERANCE`. If it begins from the image it
+    It takes more, up to `MOST_INNER_ITERATIONS`, while the error exceeds `TOLERANCE`. If it begins from the image it
     answered last, AᵀWA of it is known: one product in each data step is saved, for whatever β.
 
     Args:
@@ -197,11 +198,14 @@ def warm_started(
     """
     if iterations < 1:
         raise ValueError(f"Conjugate gradients need at least one iteration, got {iterations}.")
+    y, W = sinogram.line_integrals, sinogram.weights
+    of_image = (y * W(y)).sum(A.range_dims).clamp(min=1e-30)[(..., *(None,) * len(A.domain_dims))]
+    tolerance = TOLERANCE * (math.prod(A.domain_shape) / of_image).sqrt()
     answered: list[Image | Volume] = []  # x and AᵀWA x
     prepared: list[Any] = []  # β and its M⁻¹
 
     def solve(b: Image, beta: Tensor, x: Image | Volume) -> Image | Volume:
-        H = NormalOperator(A, sinogram.weights, beta)
+        H = NormalOperator(A, W, beta)
         if preconditioner and not (prepared and torch.equal(prepared[0], beta)):
             prepared[:] = [beta, preconditioner(beta)]
         x, Hx = conjugate_gradient(
@@ -211,7 +215,7 @@ def warm_started(
             answered[1] + beta * x if answered and answered[0] is x else H(x),
             iterations=iterations,
             most=MOST_INNER_ITERATIONS,
-            tolerance=TOLERANCE,
+            tolerance=tolerance,
             precondition=prepared[1] if preconditioner else None,
         )
         answered[:] = [x, Hx - beta * x]

@@ -6,6 +6,7 @@ from itertools import islice
 
 import numpy as np
 import torch
+from torch import Tensor
 from torch.nn import functional
 
 from pnpct.arrays import Image
@@ -128,10 +129,23 @@ def around_total_variation(
     if across and isinstance(A, Projector) and noise.ndim > 2:  # the proximal map of a volume has one strength
         noise = noise.mean(-3, keepdim=True).expand_as(noise)
     sigma_v = noise.clamp(max=2 * SIGMA_V)
+    denoise = proximal_total_variation(strength, sigma_v, noise, across=across)
+    return pnp_admm(sinogram, A, possible(denoise, A), start, sigma_v=sigma_v)
+
+
+def proximal_total_variation(strength: float, sigma_v: Tensor, noise: Tensor, *, across: float = 0.0) -> Denoise:
+    """Return the proximal map of λ · TV, λ = strength / σ, for the penalty β = 1/σ_v².
+
+    Args:
+        strength: Pixels, ≥ 0.
+        sigma_v: σ_v of each image, HU.
+        noise: σ of each image, HU.
+        across: Weight of differences between slices in TV, as of `TotalVariation`.
+    """
     # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
     q = sigma_v.square() / noise / 1000
     denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()), across=across)
-    return pnp_admm(sinogram, A, possible(lambda image: q * denoise(image / q), A), start, sigma_v=sigma_v)
+    return lambda image: q * denoise(image / q)
 
 
 def possible(denoise: Denoise, A: AnyProjector) -> Denoise:

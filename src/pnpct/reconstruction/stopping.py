@@ -65,9 +65,9 @@ def check_bounded(start: ADMMState, after: ADMMState, number: int) -> None:
     Raises:
         ValueError: If ADMM diverges.
     """
-    size = max(1.0, float(start.v.square().mean().sqrt()))
+    size = start.v.square().mean().sqrt().clamp(min=1.0)
     largest = torch.stack([iterate.square().mean().sqrt() for iterate in (after.x, after.v, after.u)]).max()
-    if not float(largest) <= LARGEST * size:  # so that NaN counts
+    if not bool(largest <= LARGEST * size):  # so that NaN counts
         raise ValueError(
             f"ADMM needs iterates that stay bounded, but in iteration {number} they reach {float(largest):.3g} times "
             "water: the denoiser makes the image larger, or the data and their weights do not fit the geometry; check "

@@ -10,8 +10,7 @@ from torch.nn.functional import pad
 
 from pnpct.geometry import ConeBeam, VolumeGrid
 from pnpct.operators.cone.cone_lines import ConeLines, cone_lines, rows_together, view_heights
-
-_LEFT, _RIGHT, _TAPS, _NARROWEST = 1, 3, 3, 1e-6  # as in the compiled kernels, which are not imported where unused
+from pnpct.operators.ray_lines import LEFT, NARROWEST, RIGHT, TAPS
 
 _ELEMENTS = 1 << 23
 """Numbers in the largest temporary array."""
@@ -56,10 +55,10 @@ class TorchConeProjector:
     def project(self, volume: Tensor) -> Tensor:
         """Return the sums along all rays."""
         rays = volume.new_zeros(self._geometry.shape)
-        turned = [pad(torch.rot90(volume, -turn, (1, 2)), (_LEFT, _RIGHT)).flatten(1) for turn in (0, 1)]
+        turned = [pad(torch.rot90(volume, -turn, (1, 2)), (LEFT, RIGHT)).flatten(1) for turn in (0, 1)]
         for piece in self._pieces():
             pixels = turned[piece.turn]
-            taps = [pixels[:, piece.place + tap] * piece.weights[tap] for tap in range(_TAPS)]
+            taps = [pixels[:, piece.place + tap] * piece.weights[tap] for tap in range(TAPS)]
             slices = sum(taps[1:], taps[0])
             groups = slices.new_zeros(*slices.shape[:2], piece.overlaps.shape[1]).index_add_(2, piece.group, slices)
             values = torch.einsum("zcg,cgrz->rc", groups, piece.overlaps) * piece.path.T
@@ -70,16 +69,16 @@ class TorchConeProjector:
         """Return the transpose of `project`, or of the same map with each weight squared."""
         power = 2 if squared else 1
         volume = rays.new_zeros(self._grid.shape)
-        turned = [torch.zeros_like(pad(torch.rot90(volume, -turn, (1, 2)), (_LEFT, _RIGHT))) for turn in (0, 1)]
+        turned = [torch.zeros_like(pad(torch.rot90(volume, -turn, (1, 2)), (LEFT, RIGHT))) for turn in (0, 1)]
         for piece in self._pieces():
             values = rays[piece.view][:, piece.bins] * piece.path.T**power
             groups = torch.einsum("rc,cgrz->zcg", values, piece.overlaps**power)
             slices = groups[:, :, piece.group]
-            for tap in range(_TAPS):
+            for tap in range(TAPS):
                 weighted = (slices * piece.weights[tap] ** power).flatten(1)
                 turned[piece.turn].flatten(1).index_add_(1, (piece.place + tap).flatten(), weighted)
         for turn, image in enumerate(turned):
-            volume += torch.rot90(image[:, :, _LEFT:-_RIGHT], turn, (1, 2))
+            volume += torch.rot90(image[:, :, LEFT:-RIGHT], turn, (1, 2))
         return volume
 
     def _pieces(self) -> Iterator[_Piece]:
@@ -104,9 +103,9 @@ class TorchConeProjector:
         )
         row = torch.arange(strips.rows, device=self._device)
         from_middle = row - (strips.rows - 1) / 2
-        left, wide = edge + slope * from_middle, (width + widening * from_middle).clamp(min=_NARROWEST)
-        column = left.floor().clamp(-_LEFT, strips.cols)
-        shares = [((left + wide - column - tap) / wide).clamp(0, 1) for tap in range(1, _TAPS)]
+        left, wide = edge + slope * from_middle, (width + widening * from_middle).clamp(min=NARROWEST)
+        column = left.floor().clamp(-LEFT, strips.cols)
+        shares = [((left + wide - column - tap) / wide).clamp(0, 1) for tap in range(1, TAPS)]
         falling = [torch.ones_like(left), *shares, torch.zeros_like(left)]
         group = row // self._together
         middles = torch.stack([from_middle[group == number].mean() for number in range(int(group[-1]) + 1)])
@@ -122,8 +121,8 @@ class TorchConeProjector:
             turn=strips.turns[0],
             view=view,
             bins=tensor(strips.measured[cells, 0] % self._geometry.bins).long(),
-            place=row * (_LEFT + strips.cols + _RIGHT) + column.long() + _LEFT,
-            weights=torch.stack([falling[tap] - falling[tap + 1] for tap in range(_TAPS)]) * length,
+            place=row * (LEFT + strips.cols + RIGHT) + column.long() + LEFT,
+            weights=torch.stack([falling[tap] - falling[tap + 1] for tap in range(TAPS)]) * length,
             # Behind the focal spot, always beside the image, t is negative.
             overlaps=torch.where(step > 0, (high - low).clamp(min=0) / step, 0.0).float(),
             group=group,
