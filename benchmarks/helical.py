@@ -1,11 +1,12 @@
 """Reconstruct the reference chest of 32 detector rows by filtered back-projection of planes, and measure what is lost.
 
-    python benchmarks/helical.py [--plane-spacing 0.3125] [--no-noise]
+    python benchmarks/helical.py [--plane-spacing 0.3125] [--no-noise] [--axial]
 
 The line integrals are those of 69 keV without noise, the kernel is hann. Printed are
 
 - the error of soft tissue (-100 to 150 HU over five slices, five pixels from anything else) against the truth, of the
-  helix by tilted planes and by single-slice rebinning, and of the axial scan by the distance from its middle;
+  helix by tilted planes and by single-slice rebinning, and of the axial scan (alone with --axial) by the distance from
+  its middle, by horizontal planes and by Feldkamp's method;
 - peak, width and place along z of discs of 800 HU, 0.625 mm thick, at three distances from the axis;
 - the standard deviation of the noise at 100 mA in the rays of planes, each over the one that its weight says.
 """
@@ -20,6 +21,7 @@ import torch
 from scipy.ndimage import binary_erosion
 
 from pnpct.geometry import ConeBeam, TiltedPlanes, VolumeGrid
+from pnpct.operators import ConeProjector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import FBP, covered_slices, rebin, reconstruct_volume
 from reference_scans import ReferenceCone, chest_rows
@@ -102,11 +104,40 @@ def noise_scores(reference: ReferenceCone, tube_current_ma: float = 100.0, draws
     return float(scores.std()), float(naive.std())
 
 
+def axial_scan() -> None:
+    """Print errors of an axial scan by the distance from its middle, mean and worst slice, and peaks of thin discs."""
+    axial = chest_rows("axial")
+    grid, numbers = covered(axial, "tilted")
+    began = time.process_time()
+    planes = volume_hu(axial, grid)
+    between = time.process_time()
+    A = ConeProjector(grid, axial.geometry, mu_water=axial.mu_water)
+    feldkamp = (FBP("hann")(uniform(axial.line_integrals)(range(axial.geometry.views)), A).image - 1).mul(1000).numpy()
+    seconds = (between - began, time.process_time() - between)
+    errors = [soft_tissue_errors(axial, image_hu, numbers) for image_hu in (planes, feldkamp)]
+    print("| axial scan, mm from the middle | planes, HU: mean, worst slice | Feldkamp |\n|---|---|---|")
+    for low in range(0, 10, 2):
+        ring = (np.abs(grid.heights) >= low) & (np.abs(grid.heights) < low + 2)
+        if ring.any():
+            print(f"| {low} to {low + 2} |" + "".join(f" {e[ring].mean():.1f}, {e[ring].max():.1f} |" for e in errors))
+    for x, y, z, _, height, radius, _ in axial.content["modules"]:
+        inside = np.hypot(grid.plane.x[None] - x, grid.plane.y[:, None] - y) < radius - 3
+        of_module = np.abs(grid.heights - z) < height / 2 - 1
+        profiles = [image_hu[of_module][:, inside].mean(1) for image_hu in (planes, feldkamp)]
+        peaks = "".join(f" {profile.max() - np.median(profile):.0f} |" for profile in profiles)
+        print(f"| disc at {math.hypot(x, y):.0f} mm, z = {z:.1f} mm: peak of 800 HU |{peaks}")
+    print("| CPU s per slice |" + "".join(f" {total / grid.slices:.2f} |" for total in seconds))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--plane-spacing", type=float)
     parser.add_argument("--no-noise", action="store_true")
+    parser.add_argument("--axial", action="store_true")
     options = parser.parse_args()
+    if options.axial:
+        axial_scan()
+        return
     spacing = {"plane_spacing": options.plane_spacing}
     helix = chest_rows("helical")
     print("| helix | slices | soft tissue: mean of their errors, HU | smallest to largest | CPU s per slice |")
@@ -127,14 +158,8 @@ def main() -> None:
         carried, naive = noise_scores(helix)
         print(f"\nNoise at 100 mA over the expected: {carried:.3f}; with interpolated variances {naive:.3f}")
     del helix
-    axial = chest_rows("axial")
-    grid, numbers = covered(axial, "tilted")
-    errors = soft_tissue_errors(axial, volume_hu(axial, grid), numbers)
-    print("\n| axial scan, mm from the middle | soft tissue, HU |\n|---|---|")
-    for low in range(0, 10, 2):
-        ring = (np.abs(grid.heights) >= low) & (np.abs(grid.heights) < low + 2)
-        if ring.any():
-            print(f"| {low} to {low + 2} | {errors[ring].mean():.1f} |")
+    print()
+    axial_scan()
 
 
 if __name__ == "__main__":

@@ -106,7 +106,7 @@ def test_fbp_sums_on_a_gpu_as_on_a_cpu(world, on_gpu, generator):
     back_project = FanBackprojector(grid, geometry)
     rays = torch.rand(3, *geometry.shape, generator=generator)
     expected = back_project(rays)
-    image = on_gpu.back_project_fan(rays.to(DEVICE), grid, geometry, back_project._bins())
+    image = on_gpu.back_project_fan(rays.to(DEVICE), grid, geometry, back_project.bins)
     torch.testing.assert_close(image.cpu(), expected, rtol=1e-5, atol=2e-6 * float(expected.max()))
 
 

@@ -25,10 +25,12 @@ from pnpct.operators import Projector
 from pnpct.operators.same_bytes import compute_same_bytes
 from pnpct.physics import Scan, take_log, unmeasured_and_dead
 from pnpct.reconstruction import (
+    FBP,
     SLAB,
     ADMMState,
     Method,
     Slab,
+    about_filtered_cone,
     check_covered,
     reconstruct_cone_volume,
     reconstruct_volume,
@@ -127,8 +129,10 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
         check_covered(planes, grid, self.thickness or 0.0)
         method = self.across_slices(method, planes, grid)
         in_space = self.geometry == "cone"
-        of_beam = {"geometry": "cone"} if in_space else {}
+        of_beam: dict[str, Any] = {"geometry": "cone"} if in_space else {}
         together = slices_together(grid, geometry) if in_space else SLAB
+        if in_space and isinstance(method, FBP):
+            of_beam["notes"] = [about_filtered_cone(geometry, grid)]
         settings = {**method.settings, **of_beam, **options, "grid": asdict(grid), "device": device.type}
         provenance = record_run(command, inputs=[self.scan], settings=settings)
 
@@ -148,6 +152,8 @@ class Reconstruct(ImageOptions, VolumeOptions, MethodOptions):
                 slice_thickness=self.thickness,
                 also="" if in_space else _of_the_cone(planes, grid),
             )
+        for note in settings.get("notes", ()):
+            say(note)
 
 
 def _of_the_cone(planes: TiltedPlanes, grid: VolumeGrid) -> str:

@@ -11,7 +11,6 @@ from pnpct.denoisers import AcrossSlices
 from pnpct.files import read_truth
 from pnpct.geometry import Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.reconstruction import (
-    FBP,
     TVPWLS,
     Method,
     PlugAndPlay,
@@ -30,7 +29,7 @@ class VolumeOptions:
 
     Args:
         geometry: tilted reconstructs planes that are tilted with the helix, each on its own, and slices between them;
-            cone fits volumes to all rays as they are.
+            cone takes all rays as they are: pnp and tv fit volumes to them, and fbp of an axial scan is Feldkamp's.
         slices: Number of slices.
         slice_spacing: Distance between the centres of neighbouring slices, mm.
         thickness: Slice thickness, mm: each slice is the mean over it; 0 is as thin as the detector rows allow.
@@ -94,8 +93,6 @@ class VolumeOptions:
         Raises:
             ValueError: If an option is given for another method, or is out of range.
         """
-        if self.geometry == "cone" and isinstance(method, FBP):
-            raise ValueError("--geometry cone is for --method pnp or tv; fbp is made of planes, so leave it out.")
         suits = {"slice_agreement_hu": PlugAndPlay, "across": TVPWLS}
         for name in given_options(self, suits):
             if not isinstance(method, suits[name]):

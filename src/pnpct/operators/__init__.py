@@ -2,6 +2,7 @@
 
 from typing import TypeAlias
 
+from pnpct.operators.cone.cone_backprojector import ConeBackprojector
 from pnpct.operators.cone.cone_projector import ConeProjector
 from pnpct.operators.fan_backprojector import FanBackprojector
 from pnpct.operators.linear_operator import LinearOperator
@@ -14,6 +15,7 @@ AnyProjector: TypeAlias = Projector | ConeProjector
 
 __all__ = [
     "AnyProjector",
+    "ConeBackprojector",
     "ConeProjector",
     "FanBackprojector",
     "Kernel",

@@ -89,12 +89,13 @@ class FanBackprojector(LinearOperator):
         elif triton_runs_on(flat.device):
             from pnpct.operators.triton_backprojector import back_project_fan
 
-            images = back_project_fan(flat, self.grid, self.geometry, self._bins())
+            images = back_project_fan(flat, self.grid, self.geometry, self.bins)
         else:
             images = self._anywhere(flat)
         return images.reshape(*rays.shape[:-2], *self.grid.shape).to(rays.dtype)
 
-    def _bins(self) -> tuple[float, float]:
+    @property
+    def bins(self) -> tuple[float, float]:
         """Scale and offset from γ (arc) or tan γ (flat) to the bin."""
         geometry = self.geometry
         if geometry.detector == "arc":
@@ -115,7 +116,7 @@ class FanBackprojector(LinearOperator):
             single(y + (height - 1) / 2 * spacing),
             single(spacing),
         )
-        scale, offset = self._bins()
+        scale, offset = self.bins
         bins = (np.int64(self.geometry.bins), single(scale), single(offset))
         cosines, sines = np.cos(self._angles).astype(single), np.sin(self._angles).astype(single)
         distance, arc = single(self.geometry.source_to_isocenter), self.geometry.detector == "arc"
@@ -130,7 +131,7 @@ class FanBackprojector(LinearOperator):
         """Do the same by torch operations, a view at a time."""
         padded = torch.nn.functional.pad(rays, (1, 1))
         images = rays.new_zeros(len(rays), *self.grid.shape)
-        for view, (lower, share, weight) in enumerate(self._places(rays.device)):
+        for view, (lower, share, weight) in enumerate(self.places(rays.device)):
             below, above = padded[:, view, lower], padded[:, view, lower + 1]
             images += (below + share * (above - below)) * weight
         return images
@@ -138,17 +139,17 @@ class FanBackprojector(LinearOperator):
     def _spread(self, images: Tensor) -> Tensor:
         flat = images.reshape(-1, *self.grid.shape).float()
         padded = flat.new_zeros(len(flat), self.geometry.views, self.geometry.bins + 2)
-        for view, (lower, share, weight) in enumerate(self._places(flat.device)):
+        for view, (lower, share, weight) in enumerate(self.places(flat.device)):
             weighted = flat * weight
             for number, values in ((lower, (1 - share) * weighted), (lower + 1, share * weighted)):
                 padded[:, view].index_add_(1, number.flatten(), values.flatten(1))
         return padded[..., 1:-1].reshape(*images.shape[:-2], *self.geometry.shape).to(images.dtype)
 
-    def _places(self, device: torch.device) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
+    def places(self, device: torch.device) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
         """Yield for each view the lower bin of each pixel among padded ones, the share of the upper one, and 1/L²."""
         x = torch.as_tensor(self.grid.x, dtype=torch.float32, device=device)
         y = torch.as_tensor(self.grid.y, dtype=torch.float32, device=device)[:, None]
-        (scale, offset), arc = self._bins(), self.geometry.detector == "arc"
+        (scale, offset), arc = self.bins, self.geometry.detector == "arc"
         for angle in self.geometry.view_angles:
             depth = self.geometry.source_to_isocenter + x * np.sin(angle) - y * np.cos(angle)
             across = x * np.cos(angle) + y * np.sin(angle)

@@ -39,7 +39,7 @@ def _add_between(_, image, start, column, views, base, place, share, weight, lan
 
 
 @njit(inline="always", **_OPTIONS)
-def _arctangent(z):
+def arctangent(z):
     """Arctangent for |z| ≤ 1 to 8e-8, by the Chebyshev fit of atan(√u)/√u on [0, 1]: it vectorises."""
     u = z * z
     high = np.float32(0.099060969) + u * (
@@ -76,7 +76,7 @@ def back_project_fan(image, views, cosines, sines, place, distance, bins, arc, l
                     tangent = min(max(across / depth, np.float32(-1)), np.float32(1))
                     squared = depth * depth
                     if arc:
-                        tangent = _arctangent(tangent)
+                        tangent = arctangent(tangent)
                         squared += across * across
                     number = min(max(scale * tangent + offset + np.float32(1), np.float32(0)), end)
                     at[col] = np.int32(number)

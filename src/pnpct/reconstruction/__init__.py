@@ -4,6 +4,7 @@ from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.cone_volume import reconstruct_cone_volume, slice_distance, slices_together
 from pnpct.reconstruction.covered import check_covered, covered_grid, covered_slices, plane_distance, planes_of_a_row
 from pnpct.reconstruction.fbp import fbp
+from pnpct.reconstruction.fdk import about_filtered_cone, fdk
 from pnpct.reconstruction.methods import (
     FBP,
     METHODS,
@@ -38,12 +39,14 @@ __all__ = [
     "RuleName",
     "Slab",
     "SolverName",
+    "about_filtered_cone",
     "change",
     "check_covered",
     "corrected_for_bone",
     "covered_grid",
     "covered_slices",
     "fbp",
+    "fdk",
     "mean_diagonal",
     "paper_rule",
     "plane_distance",

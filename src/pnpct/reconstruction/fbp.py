@@ -1,17 +1,11 @@
 """Filtered back-projection of a fan beam, for any set of views."""
 
-from dataclasses import dataclass, replace
 from functools import lru_cache
-
-import numpy as np
-import torch
-from numpy.typing import NDArray
 
 from pnpct.arrays import Image, Rays
 from pnpct.geometry import FanBeam, ImageGrid
-from pnpct.operators import FanBackprojector, Kernel, Projector, ramp_filter
-from pnpct.reconstruction.moving_spot import FanAtRest, fans_at_rest
-from pnpct.reconstruction.redundancy import ray_weights
+from pnpct.operators import FanBackprojector, Kernel, Projector
+from pnpct.reconstruction.filtered_views import FilteredViews, filtered_views
 
 
 def fbp(line_integrals: Rays, projector: Projector, *, kernel: Kernel = "ram-lak") -> Image:
@@ -39,66 +33,14 @@ def fbp(line_integrals: Rays, projector: Projector, *, kernel: Kernel = "ram-lak
     References:
         Kak and Slaney (2001), sections 3.4.1 and 3.4.2.
     """
-    fans = _prepare(projector.grid, projector.geometry)
-    first, *others = [fan(line_integrals, kernel, projector.mu_water) for fan in fans]
-    return sum(others, start=first)
-
-
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """What FBP needs to know of a fan beam at rest: weights of the rays, empty bins to add, spacing, and the scale."""
-
-    views: FanAtRest
-    weight: Rays
-    padding: tuple[int, int]
-    spacing: float
-    scale: float
-    back_project: FanBackprojector
-
-    def __call__(self, line_integrals: Rays, kernel: Kernel, mu_water: float) -> Image:
-        weighted = self.views.rays(line_integrals) * self.weight.to(line_integrals)
-        filtered = ramp_filter(
-            torch.nn.functional.pad(weighted, self.padding) if any(self.padding) else weighted,
-            spacing=self.spacing,
-            equiangular=self.views.fan.detector == "arc",
-            kernel=kernel,
-        )
-        return self.back_project(filtered) * (self.scale / mu_water)
+    images = (
+        back_project(views(line_integrals, kernel)) * (views.scale / projector.mu_water)
+        for views, back_project in _prepare(projector.grid, projector.geometry)
+    )
+    return sum(images, start=next(images))
 
 
 @lru_cache(maxsize=32)
-def _prepare(grid: ImageGrid, geometry: FanBeam) -> list[_Prepared]:
+def _prepare(grid: ImageGrid, geometry: FanBeam) -> list[tuple[FilteredViews, FanBackprojector]]:
     """Prepare each fan beam at rest; the planes of a volume have 16 geometries."""
-    fans = fans_at_rest(geometry)
-    weight = np.empty(geometry.shape)
-    # The angle that a ray represents is half-way to its neighbours among all views, wherever their focal spots are.
-    order = np.concatenate([fan.views for fan in fans])
-    angles = np.concatenate([fan.fan.view_angles for fan in fans])
-    weight[order] = ray_weights(replace(geometry, view_angles=angles, focal_spot_shifts=()))
-    return [_prepare_fan(grid, fan, weight[fan.views]) for fan in fans]
-
-
-def _prepare_fan(grid: ImageGrid, views: FanAtRest, weight: NDArray[np.float64]) -> _Prepared:
-    geometry = views.fan
-    distance, arc = geometry.source_to_isocenter, geometry.detector == "arc"
-    wide, padding = _with_both_sides(geometry)
-    # On a flat detector the bins are taken at the isocentre, where lengths are those of the image.
-    spacing = float(np.diff(geometry.fan_angle_edges[:2])[0]) if arc else geometry.bin_width_at_isocenter
-    return _Prepared(
-        views=views,
-        weight=torch.from_numpy(weight * np.cos(geometry.fan_angles) * distance).float(),
-        padding=padding,
-        spacing=spacing,
-        scale=1.0 if arc else distance,
-        back_project=FanBackprojector(grid, wide),
-    )
-
-
-def _with_both_sides(geometry: FanBeam) -> tuple[FanBeam, tuple[int, int]]:
-    """Add empty bins to the shorter side of the fan: a truncated view has filtered values beyond its end."""
-    low, high = -geometry.fan_angle_edges[0], geometry.fan_angle_edges[-1]
-    missing = round(abs(low - high) / (low + high) * geometry.bins)
-    if missing <= 1:  # a quarter-detector offset
-        return geometry, (0, 0)
-    before, after = (missing, 0) if low < high else (0, missing)
-    return geometry.widened(before, after), (before, after)
+    return [(views, FanBackprojector(grid, views.fan)) for views in filtered_views(geometry)]

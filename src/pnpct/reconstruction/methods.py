@@ -18,6 +18,7 @@ from pnpct.reconstruction.around_network import around_network
 from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.dead_modules import filled_from_image
 from pnpct.reconstruction.fbp import fbp
+from pnpct.reconstruction.fdk import about_filtered_cone, circle_volume
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
@@ -48,7 +49,7 @@ AMONG_STREAKS = 0.5
 
 @dataclass(frozen=True)
 class FBP:
-    """Filtered back-projection.
+    """Filtered back-projection: of a cone beam that of Feldkamp on a circle, and that of tilted planes on a helix.
 
     Args:
         kernel: "ram-lak", "shepp-logan", "hann" or "soft", from sharp to smooth.
@@ -65,7 +66,9 @@ class FBP:
         """Reconstruct; there are no iterates to watch."""
         del progress
         if isinstance(A, ConeProjector):
-            return Reconstruction(tilted_volume(sinogram, A, self), self.settings)
+            helix = A.geometry.trajectory.feed
+            volume, notes = (tilted_volume(sinogram, A, self), ()) if helix else circle_volume(sinogram, A, self.kernel)
+            return Reconstruction(volume, self.settings, notes=(*notes, about_filtered_cone(A.geometry, A.grid)))
         whole = beyond_fan(_corrected(sinogram, A), A)
         image = fbp(whole.sinogram.line_integrals, whole.A, kernel=self.kernel)
         return Reconstruction(image, self.settings, notes=(*whole.notes, *lines_left_out(sinogram, A.geometry)))

@@ -189,7 +189,7 @@ gather2, gather3 = _gather(2), _gather(3)
 scatter2, scatter3 = _scatter(2), _scatter(3)
 
 
-def _overlap_sum(
+def overlap_sum(
     builder: ir.IRBuilder, source: Any, first: Any, count: Any, corner: Callable[[Any], Any], *, squared: bool
 ) -> Any:
     """Return Σ_k w_k source[k … k + WIDTH − 1], w_k = corner(k + 1) − corner(k), over `count` k from `first` on."""
@@ -237,7 +237,7 @@ def to_rows(_, sums, at, edge, step, scale, first, count, rays, ray):
         low = vector.sub(vector.add(vector.fill(edge), vector.mul(numbers, vector.fill(step))), numbers)
         high = vector.add(low, vector.fill(step))
         source = element(context, builder, signature.args[0], sums, at)
-        total = _overlap_sum(builder, source, first, count, lambda k: vector.clip(k, low, high), squared=False)
+        total = overlap_sum(builder, source, first, count, lambda k: vector.clip(k, low, high), squared=False)
         target = element(context, builder, signature.args[7], rays, ray)
         total = vector.add(vector.load(target, _ALIGN), vector.mul(total, vector.fill(scale)))
         vector.store(total, target, _ALIGN)
@@ -263,7 +263,7 @@ def to_slices(_, rays, ray, edge, step, scale, first, count, target, place, powe
             return vector.clip(vector.add(begin, vector.mul(k, steps)), zero, one)
 
         source = element(context, builder, signature.args[0], rays, ray)
-        total = _overlap_sum(builder, source, first, count, corner, squared=squared)
+        total = overlap_sum(builder, source, first, count, corner, squared=squared)
         place = element(context, builder, signature.args[7], target, place)
         vector.store(vector.mul(total, vector.fill(scale)), place, 4)
         return context.get_dummy_value()
