@@ -28,10 +28,10 @@ import micro_kernels as micro
 from contenders import World
 from interleaved import number, table
 from pnpct.operators import Projector
-from pnpct.operators.cpu_projector import tile
 from pnpct.operators.lane_kernels import aligned
-from pnpct.operators.ray_lines import RayLines, ray_lines
-from pnpct.operators.strip_kernels import BLOCK, CHUNK, LEFT, RIGHT, _block, back_project, project
+from pnpct.operators.ray_lines import LEFT, RIGHT, RayLines, ray_lines
+from pnpct.operators.strip_kernels import BLOCK, CHUNK, _block, back_project, project
+from pnpct.operators.tiles import tile
 
 DIRECTIONS = ("forward", "adjoint")
 

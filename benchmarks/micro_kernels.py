@@ -12,12 +12,10 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 from pnpct.operators.lane_kernels import Array, aligned
+from pnpct.operators.ray_lines import LEFT, RIGHT, TAPS
 from pnpct.operators.strip_kernels import (
     BLOCK,
     CHUNK,
-    LEFT,
-    RIGHT,
-    TAPS,
     _block,
     _gather2,
     _gather3,

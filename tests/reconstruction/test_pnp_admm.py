@@ -154,7 +154,7 @@ def test_resuming_gives_the_same_iterates(sinogram, A, start):
     straight = nth(pnp_admm(sinogram, A, denoise, start), 6)
     resumed = nth(pnp_admm(sinogram, A, denoise, nth(pnp_admm(sinogram, A, denoise, start), 3)), 3)
     for one, other in zip((straight.x, straight.v, straight.u), (resumed.x, resumed.v, resumed.u), strict=True):
-        torch.testing.assert_close(one, other, rtol=0, atol=5e-5)  # rounding: 0.05 HU
+        torch.testing.assert_close(one, other, rtol=0, atol=2e-4)  # rounding: 0.2 HU
 
 
 def test_a_batch_is_its_slices(sinogram, A, start):

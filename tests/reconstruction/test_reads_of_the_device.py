@@ -57,5 +57,5 @@ def test_an_iteration_reads_a_few_numbers_from_the_device(geometry, grid, disk, 
         with Reads() as reads:
             next(iterates)
         # Whether σ_v is possible, and the same as before; whether the iterates are bounded, and settled; two of the
-        # preconditioner and its mask, where σ_v changed; and after the third step of the solver whether to go on.
-        assert reads.number <= 4 + 3 + max(CountingProjector.projections - 2, 0)
+        # preconditioner and its mask, where σ_v changed; and after the second step of the solver whether to go on.
+        assert reads.number <= 4 + 3 + max(CountingProjector.projections - 1, 0)

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from pnpct.arrays import Rays
 from pnpct.geometry import FanBeam
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Kernel, ramp_filter
 from pnpct.reconstruction.moving_spot import FanAtRest, fans_at_rest
 from pnpct.reconstruction.redundancy import ray_weights
@@ -34,6 +35,8 @@ class FilteredViews:
     padding: tuple[int, int]
     spacing: float
     scale: float
+
+    __repr__ = short_repr
 
     def __call__(self, line_integrals: Rays, kernel: Kernel) -> Tensor:
         """Return the filtered rays, in the shape of `fan`."""

@@ -180,7 +180,7 @@ class PlugAndPlay:
 
     denoise: Denoise
     sigma_v: float = SIGMA_V
-    damping: float = 0.75
+    damping: float = 0.5
     iterations: int = 5
     stop: RuleName = "relative"
     solver: SolverName = "fourier"
