@@ -1,4 +1,4 @@
-"""Draw two scans at 40 mA by several methods: python docs/images/make_quality.py FOLDER.
+"""Draw two scans at 20 mA by several methods: python docs/images/make_quality.py FOLDER.
 
 FOLDER is that of benchmarks/quality.py, after a run with the cases abdomen and pelvis. Writes quality.png beside this
 file.
@@ -15,11 +15,9 @@ from pnpct.report import PanelRow, write_panels
 
 HERE = Path(__file__).parent
 COLUMNS = {
-    "blurred FBP": "40mA-blurred-FBP",
-    "TV-PWLS": "40mA-TV-PWLS",
-    "two-stage denoiser": "40mA-two-stage",
-    "PnP, supervised": "40mA-PnP-supervised",
-    "PnP, two-stage": "40mA-PnP-two-stage",
+    "TV-PWLS": "20mA-TV-PWLS",
+    "two-stage denoiser": "20mA-two-stage",
+    "PnP, two-stage": "20mA-PnP-two-stage",
     "truth": "truth",
 }
 DETAILS = {"abdomen": Detail(180, 120, 110), "pelvis": Detail(180, 200, 110)}
@@ -30,7 +28,7 @@ def main() -> None:
     folder, path = Path(sys.argv[1]), HERE / "quality.png"
     rows = [
         PanelRow(
-            f"{case}, 40 mA",
+            f"{case}, 20 mA",
             {label: read_image(folder / f"{case}-{name}.h5")[0] for label, name in COLUMNS.items()},
             [detail],
         )
