@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from ellipsoid_chords import MU_WATER, chords
 
 from pnpct.geometry import ConeBeam, Detector, FanBeam, ImageGrid, Trajectory, VolumeGrid, evenly_spaced_views
 from pnpct.operators import ConeProjector, Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import FBP, fbp, fdk, reconstruct_cone_volume
 
-MU_WATER = 0.02
 DETECTOR = Detector(bins=180, bin_width=3.0, offset=0.25, rows=16, row_height=2.2)
 VIEWS, SHORT = 180, 120
 CIRCLE = ConeBeam(Trajectory(evenly_spaced_views(VIEWS), z=[3.0] * VIEWS), DETECTOR, 541.0, 949.0)
@@ -31,20 +31,6 @@ PLANE = ImageGrid(60, 60, spacing=4.0)
 ROW = CIRCLE.row_height_at_isocenter
 GRID = VolumeGrid(PLANE, slices=15, slice_spacing=ROW, z=3.0)
 ASIDE = ((20.0, -10.0, 0.0), (80.0, 80.0, 1e6), 1.0)
-
-
-def chords(cone: ConeBeam, *ellipsoids: tuple) -> torch.Tensor:
-    """Exact line integrals of ellipsoids: centre, half axes, attenuation relative to water."""
-    spots = cone.focal_spots()[:, None, None]
-    cells = np.repeat(cone.detector_points(cone.fan_angles)[:, None], cone.rows, axis=1)
-    cells[..., 2] += cone.detector.row_positions[:, None]
-    along = (cells - spots) / np.linalg.norm(cells - spots, axis=-1, keepdims=True)
-    total = np.zeros(cone.shape)
-    for center, axes, attenuation in ellipsoids:
-        from_center, towards = (spots - center) / axes, along / axes
-        a, b, c = (towards**2).sum(-1), (from_center * towards).sum(-1), (from_center**2).sum(-1) - 1
-        total += MU_WATER * attenuation * 2 * np.sqrt(np.maximum(b**2 - a * c, 0)) / a
-    return torch.from_numpy(total).float()
 
 
 def volume_of(geometry: ConeBeam, *ellipsoids: tuple, grid: VolumeGrid = GRID) -> np.ndarray:

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from ellipsoid_chords import MU_WATER, chords
 
 from pnpct.denoisers import TotalVariation
 from pnpct.geometry import ConeBeam, Detector, ImageGrid, TiltedPlanes, Trajectory, VolumeGrid
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import FBP, PlugAndPlay, covered_slices, reconstruct_volume
 
-MU_WATER = 0.02
 FEED = 20.0
 TURN = 2 * math.pi
 ANGLES = TURN / 120 * np.arange(300)
@@ -28,20 +28,6 @@ PLANE = ImageGrid(48, 48, spacing=5.0)
 STACK = VolumeGrid(PLANE, slices=5, slice_spacing=1.25, z=0.5)
 BODY = ((0.0, 0.0, 0.0), (90.0, 70.0, 1e6), 1.0)
 BALL = ((50.0, 10.0, 0.5), (15.0, 15.0, 6.0), 1.0)
-
-
-def chords(cone: ConeBeam, *ellipsoids: tuple) -> torch.Tensor:
-    """Exact line integrals of ellipsoids: centre, half axes, attenuation relative to water."""
-    spots = cone.focal_spots()[:, None, None]
-    cells = np.repeat(cone.detector_points(cone.fan_angles)[:, None], cone.rows, axis=1)
-    cells[..., 2] += cone.detector.row_positions[:, None]
-    along = (cells - spots) / np.linalg.norm(cells - spots, axis=-1, keepdims=True)
-    total = np.zeros(cone.shape)
-    for center, axes, attenuation in ellipsoids:
-        from_center, towards = (spots - center) / axes, along / axes
-        a, b, c = (towards**2).sum(-1), (from_center * towards).sum(-1), (from_center**2).sum(-1) - 1
-        total += MU_WATER * attenuation * 2 * np.sqrt(np.maximum(b**2 - a * c, 0)) / a
-    return torch.from_numpy(total).float()
 
 
 def rays_of(line_integrals: torch.Tensor):
