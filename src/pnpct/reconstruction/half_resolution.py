@@ -12,8 +12,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from pnpct.arrays import Image
-from pnpct.geometry import FanBeam, ImageGrid
-from pnpct.operators import Projector
+from pnpct.geometry import FanBeam, ImageGrid, Trajectory
+from pnpct.operators import AnyProjector, ConeProjector, Projector
+from pnpct.operators.cone.cone_lines import seen_along_the_axis
 from pnpct.physics import DiagonalWeights, Sinogram
 
 CoarseImage: TypeAlias = Float[Tensor, "*batch coarse_rows coarse_cols"]
@@ -23,28 +24,19 @@ NEAR = math.radians(0.6)
 """Neighbouring views that are farther apart are not combined."""
 
 
-def at_half_resolution(sinogram: Sinogram, A: Projector) -> tuple[Sinogram, Projector]:
+def at_half_resolution(sinogram: Sinogram, A: AnyProjector) -> tuple[Sinogram, AnyProjector]:
     """Return line integrals and weights of neighbouring cells and views in pairs, and a projector of pixels in fours.
 
     The line integral of a pair is the weighted mean, its weight the sum. Views stay as they are where neighbours are
-    more than `NEAR` apart, or the focal spot moves between them. Correlations of the noise are left out.
+    more than `NEAR` apart, or the focal spot moves between them; detector rows and slices always do. Correlations of the noise are left out.
 
     Args:
         sinogram: Line integrals and weights.
-        A: The projector.
+        A: The projector, of a cone beam that of an axial scan.
     """
-    geometry, views = _paired(A.geometry)
-    y = _extended(sinogram.line_integrals, views)
-    w = _extended(sinogram.weights.diagonal, views)
-    if A.geometry.bins % 2:
-        w[..., -1] = 0.0  # the cell that was added
-    if A.geometry.views % 2:
-        w[..., -1, 1:, :] = 0.0  # the last view was its own partner
-    weights = _sums(w, geometry.shape)
-    mean = _sums(w * y, geometry.shape) / weights.clamp(min=torch.finfo(w.dtype).tiny)
-    return Sinogram(mean, DiagonalWeights(weights, geometry.shape)), Projector(
-        coarser_grid(A.grid), geometry, mu_water=A.mu_water, method=A.method
-    )
+    if isinstance(A, ConeProjector):
+        return _of_cone(sinogram, A)
+    return _of_fan(sinogram, A)
 
 
 def halved(image: Image) -> CoarseImage:
@@ -67,6 +59,37 @@ def coarser_grid(grid: ImageGrid) -> ImageGrid:
     rows, cols, (x, y) = grid.rows + grid.rows % 2, grid.cols + grid.cols % 2, grid.center
     center = (x + grid.cols % 2 * grid.spacing / 2, y - grid.rows % 2 * grid.spacing / 2)
     return ImageGrid(rows // 2, cols // 2, 2 * grid.spacing, center)
+
+
+def _of_fan(sinogram: Sinogram, A: Projector) -> tuple[Sinogram, Projector]:
+    geometry, views = _paired(A.geometry)
+    y = _extended(sinogram.line_integrals, views)
+    w = _extended(sinogram.weights.diagonal, views)
+    if A.geometry.bins % 2:
+        w[..., -1] = 0.0  # the cell that was added
+    if A.geometry.views % 2:
+        w[..., -1, 1:, :] = 0.0  # the last view was its own partner
+    weights = _sums(w, geometry.shape)
+    mean = _sums(w * y, geometry.shape) / weights.clamp(min=torch.finfo(w.dtype).tiny)
+    return Sinogram(mean, DiagonalWeights(weights, geometry.shape)), Projector(
+        coarser_grid(A.grid), geometry, mu_water=A.mu_water, method=A.method
+    )
+
+
+def _of_cone(sinogram: Sinogram, A: ConeProjector) -> tuple[Sinogram, ConeProjector]:
+    """Each row is a fan beam, seen along the axis."""
+    geometry, trajectory = A.geometry, A.geometry.trajectory
+    y, w = (rays.transpose(-3, -2) for rays in (sinogram.line_integrals, sinogram.weights.diagonal))
+    fan = Projector(A.grid.plane, seen_along_the_axis(geometry), mu_water=A.mu_water)
+    of_rows, coarse = _of_fan(Sinogram(y, DiagonalWeights(w)), fan)
+    seen = coarse.geometry
+    detector = replace(geometry.detector, bins=seen.bins, bin_width=seen.bin_width, offset=seen.detector_offset)
+    if seen.views < geometry.views:
+        trajectory = Trajectory(seen.view_angles, trajectory.heights[::2])
+    paired = replace(geometry, trajectory=trajectory, detector=detector)
+    mean, weights = (rays.transpose(-3, -2) for rays in (of_rows.line_integrals, of_rows.weights.diagonal))
+    grid = replace(A.grid, plane=coarse.grid)
+    return Sinogram(mean, DiagonalWeights(weights, paired.shape)), ConeProjector(grid, paired, mu_water=A.mu_water)
 
 
 def _paired(geometry: FanBeam) -> tuple[FanBeam, NDArray[np.int64]]:

@@ -24,14 +24,7 @@ from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sig
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Progress, Reconstruction, unwatched
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, check_in_space, solver_by_name
-from pnpct.reconstruction.starting import (
-    IN_SPACE,
-    STRENGTH,
-    around_total_variation,
-    far_apart,
-    possible,
-    starting_state,
-)
+from pnpct.reconstruction.starting import STRENGTH, around_total_variation, far_apart, possible, starting_state
 from pnpct.reconstruction.stopping import RuleName, until
 from pnpct.reconstruction.tilted_volume import StartingImage, tilted_volume
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
@@ -136,10 +129,7 @@ class TVPWLS:
 
     def states(self, sinogram: Sinogram, A: AnyProjector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
-        across, strength = self.across or 0.0, self.strength
-        if self.across is None and isinstance(A, ConeProjector):
-            across, strength = A.grid.plane.spacing / A.grid.slice_spacing, IN_SPACE * strength
-        return around_total_variation(sinogram, A, start, strength=strength, across=across)
+        return around_total_variation(sinogram, A, start, strength=self.strength, across=self.across)
 
     def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
@@ -277,11 +267,15 @@ def _corrected(sinogram: Sinogram, A: Projector) -> Sinogram:
 
 
 def _in_space(sinogram: Sinogram, A: ConeProjector) -> tuple[WholeVolume, ADMMState]:
-    """Return the rays of a volume, and the state to begin from: two-dimensional iterations begin so, plane by plane."""
+    """Return the rays of a volume, and the state to begin from: that of planes on a helix, of the cone on a circle."""
     whole = whole_volume(sinogram, A)
-    row = A.geometry.row_height_at_isocenter
-    start = tilted_volume(sinogram, whole.A, StartingImage(), plane_spacing=row)
-    return corrected_for_bone_in(start, whole), ADMMState.start(start)
+    if A.geometry.trajectory.feed:
+        row = A.geometry.row_height_at_isocenter
+        start = tilted_volume(sinogram, whole.A, StartingImage(), plane_spacing=row)
+        return corrected_for_bone_in(start, whole), ADMMState.start(start)
+    first, _ = circle_volume(sinogram, whole.A, "soft")
+    whole = corrected_for_bone_in(first, whole)
+    return whole, starting_state(whole.sinogram, whole.A)
 
 
 def _iterated(

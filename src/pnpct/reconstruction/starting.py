@@ -11,9 +11,10 @@ from torch.nn import functional
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.denoisers.learned import DENSEST
-from pnpct.operators import AnyProjector, Projector
+from pnpct.operators import AnyProjector, ConeProjector, Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
+from pnpct.reconstruction.fdk import circle_volume
 from pnpct.reconstruction.half_resolution import at_half_resolution, doubled, halved
 from pnpct.reconstruction.normal_equations import balanced_sigma_v
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, pnp_admm
@@ -50,16 +51,20 @@ ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
 """Iterations around total variation where there is metal, and its strength, image × pixel, whatever the dose is."""
 
 
-def smooth_state(sinogram: Sinogram, A: Projector) -> ADMMState:
+def smooth_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
     """Return the state that begins from a smooth FBP image, or from nothing on a limited angle.
 
-    There FBP has streaks in directions that no view has seen, and so no data take them away again.
+    There FBP has streaks in directions that no view has seen, and so no data take them away again. FBP of a cone beam
+    is that of Feldkamp, Davis and Kress.
     """
-    smooth = fbp(sinogram.line_integrals, A, kernel="soft")
+    if isinstance(A, ConeProjector):
+        smooth, _ = circle_volume(sinogram, A, "soft")
+    else:
+        smooth = fbp(sinogram.line_integrals, A, kernel="soft")
     return ADMMState.start(torch.zeros_like(smooth) if A.geometry.limited_angle else smooth)
 
 
-def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
+def starting_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
     """Return the state to begin from: a smooth FBP image, put right by total variation at half the resolution.
 
     Where hardly a photon arrives, behind metal or in the middle of a large patient, FBP has streaks and shading. The
@@ -72,7 +77,7 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
 
     Args:
         sinogram: Line integrals and weights.
-        A: The projector.
+        A: The projector, of a cone beam that of an axial scan.
     """
     smooth = smooth_state(sinogram, A)
     coarse = ADMMState.start(halved(smooth.v))
@@ -80,15 +85,16 @@ def starting_state(sinogram: Sinogram, A: Projector) -> ADMMState:
     # A pixel of four has 8 times the certainty of one, and edges count half as many pixels.
     states = around_total_variation(*half, coarse, strength=STRENGTH / 2**0.5)
     piecewise = _after(FROM_NOTHING if A.geometry.limited_angle else FIRST_ITERATIONS, states)
-    missing = doubled(piecewise - coarse.v, A.grid.shape)
+    missing = doubled(piecewise - coarse.v, A.grid.shape[-2:])
     metal = (piecewise > DENSEST).any(dim=A.domain_dims, keepdim=True)
-    piecewise = doubled(piecewise, A.grid.shape)
+    piecewise = doubled(piecewise, A.grid.shape[-2:])
     if A.geometry.limited_angle:
         return ADMMState.start(piecewise)
     elsewhere = 1 - _near_bone(piecewise)
     start = torch.lerp(smooth.v + elsewhere * missing, piecewise, SHARE * elsewhere)
     if bool(metal.any()):
-        states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=balanced_sigma_v(sinogram, A))
+        sigma_v = balanced_sigma_v(sinogram, A, smooth.v)
+        states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=sigma_v)
         start = torch.where(metal, _after(ITERATIONS_AT_METAL, states), start)
     elif far_apart(A):
         states = around_total_variation(sinogram, A, smooth, strength=STRENGTH)
@@ -108,7 +114,7 @@ def far_apart(A: AnyProjector) -> bool:
 
 
 def around_total_variation(
-    sinogram: Sinogram, A: AnyProjector, start: ADMMState, *, strength: float, across: float = 0.0
+    sinogram: Sinogram, A: AnyProjector, start: ADMMState, *, strength: float, across: float | None = None
 ) -> Iterator[ADMMState]:
     """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, for ever.
 
@@ -122,8 +128,12 @@ def around_total_variation(
         A: The projector.
         start: The state to begin from.
         strength: Pixels, ≥ 0.
-        across: Weight of differences between slices in TV, as of `TotalVariation`.
+        across: Weight of differences between slices in TV, as of `TotalVariation`. None leaves each slice on its own;
+            of a cone beam it is total variation in space, with `IN_SPACE` of the strength.
     """
+    if across is None and isinstance(A, ConeProjector):
+        across, strength = A.grid.plane.spacing / A.grid.slice_spacing, IN_SPACE * strength
+    across = across or 0.0
     noise = balanced_sigma_v(sinogram, A, start.v)
     if across and isinstance(A, Projector) and noise.ndim > 2:  # the proximal map of a volume has one strength
         noise = noise.mean(-3, keepdim=True).expand_as(noise)
