@@ -28,7 +28,8 @@ def at_half_resolution(sinogram: Sinogram, A: AnyProjector) -> tuple[Sinogram, A
     """Return line integrals and weights of neighbouring cells and views in pairs, and a projector of pixels in fours.
 
     The line integral of a pair is the weighted mean, its weight the sum. Views stay as they are where neighbours are
-    more than `NEAR` apart, or the focal spot moves between them; detector rows and slices always do. Correlations of the noise are left out.
+    more than `NEAR` apart, or the focal spot moves between them; detector rows and slices always do. Correlations of
+    the noise are left out.
 
     Args:
         sinogram: Line integrals and weights.
