@@ -146,6 +146,6 @@ def _shares(thickness: float) -> torch.Tensor:
 
 
 def _of_planes(grid: VolumeGrid, geometry: ConeBeam) -> float:
-    """How far the views of a plane may be from the slices it is for, mm: iterations begin from planes."""
+    """How far the views of a plane may be from the slices it is for, mm: iterations on a helix begin from planes."""
     planes = TiltedPlanes(geometry)
     return abs(planes.feed) * (geometry.short_scan / (4 * math.pi) + 1 / 8) + margin_of(planes, grid.plane)

@@ -1,4 +1,4 @@
-"""A volume on the slices of a cone beam's projector, made of planes: where iterations on the cone begin."""
+"""A volume on the slices of a cone beam's projector, made of planes: where iterations on a helix begin."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
