@@ -1,14 +1,15 @@
 """Whole plug-and-play, and its data step alone, by pnpct and by what its peers have for it.
 
 All get the same scan (`write_scan`), begin from the same image (the one that pnpct begins from; its time counts), and
-have the same denoiser, `n2n`, and the same fall of sigma_v. deepinv: its HQS with the statistical weights, which it
-has no option for, as part of the operator, and conjugate gradients as its data step. svmbir: pnpct's own ADMM around
-the proximal map of svmbir.recon. Each answers with its time and error after every iteration; what it takes to look at
-the error is not counted.
+have the same network, `n2n`, and the same fall of sigma_v. What pnpct puts around a network by default, mirrors and a
+little total variation (`around_network`), the peers have not: their network is alone. deepinv: its HQS with the
+statistical weights, which it has no option for, as part of the operator, and conjugate gradients as its data step.
+svmbir: pnpct's own ADMM around the proximal map of svmbir.recon. Each answers with its time and error after every
+iteration; what it takes to look at the error is not counted.
 
-A data step is compared at the error of pnpct's default, three preconditioned steps. How many plain steps come as near
-is counted on pnpct's operator: deepinv has another discretisation, and so another solution. How many passes svmbir
-takes is counted against its own solution.
+A data step is compared at the error after the fewest steps that pnpct takes, two preconditioned ones. How many plain
+steps come as near is counted on pnpct's operator: deepinv has another discretisation, and so another solution. How many
+passes svmbir takes is counted against its own solution.
 """
 
 from collections.abc import Callable
