@@ -162,7 +162,7 @@ def loop_table(records: list[dict[str, Any]]) -> str:
                 steps.append((f"{record['name']}{part.removeprefix('data step')}", *cells))
     size, views, bins = (ours[key] for key in ("size", "views", "bins"))
     notes = " ".join(ours["answers"]["pnp"]["notes"])
-    said = f"{size} × {size} pixels, {views} views × {bins} bins, flat. {notes}\n\n"
+    said = f"{size} × {size} pixels, {views} views × {bins} bins, flat. {notes}".rstrip() + "\n\n"
     head = ("plug-and-play with `n2n`", "s to the error of pnpct", "of pnpct", "least error, HU (iteration)")
     of_steps = ("data step", "steps", "from the solution, HU", "ms", "of pnpct")
     return said + table(head, rows) + "\n" + table(of_steps, steps) + "\n" + missing(records)
@@ -175,21 +175,22 @@ def answer_iterations(record: Mapping[str, Any]) -> int:
 def against_table(records: list[dict[str, Any]]) -> str:
     """Return what this state takes of the time of the other revision; nothing if none ran."""
     rows = []
-    for other in records:
-        if other["name"].startswith("pnpct at "):
-            now = next(
-                record
-                for record in records
-                if record["name"] == "pnpct"
-                and all(record[key] == other[key] for key in ("size", "slices"))
-                and record["seconds"].keys() & other["seconds"].keys()
-            )
-            for part in now["seconds"]:
-                before, after = (1000 * best(record, part) for record in (other, now))
-                label = f"{part}, {now['size']} × {now['size']}, {slices_of(now)}"
-                rows.append((label, number(before), number(after), f"{after / before:.2f}"))
+    timed = [record for record in records if not record["failed"]]  # an older revision may lack what the script calls
+    pairs = [(now, other) for other in timed for now in timed if _same(now, other)]
+    for now, other in pairs:
+        for part in now["seconds"]:
+            before, after = (1000 * best(record, part) for record in (other, now))
+            label = f"{part}, {now['size']} × {now['size']}, {slices_of(now)}"
+            rows.append((label, number(before), number(after), f"{after / before:.2f}"))
     name = next((record["name"] for record in records if record["name"].startswith("pnpct at ")), "")
     return table(("ms per slice", name, "now", "now / before"), rows) if rows else ""
+
+
+def _same(now: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether the second is an earlier state of pnpct at the task of the first, which is of this one."""
+    of_both = now["seconds"].keys() & other["seconds"].keys()
+    names = now["name"] == "pnpct" and other["name"].startswith("pnpct at ")
+    return names and bool(of_both) and all(now[key] == other[key] for key in ("size", "slices"))
 
 
 def draw(records: list[dict[str, Any]], file: Path) -> None:

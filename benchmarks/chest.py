@@ -9,7 +9,6 @@ picture of each. The strengths are those with the least RMSE on this very scan: 
 
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -59,18 +58,20 @@ def compare(table: Table, *, iterative: bool) -> None:
     blurred = {width / 4: Gaussian(width / 4)(images["ram-lak"]) for width in range(2, 13)}
     width = min(blurred, key=lambda width: table.rmse(blurred[width]))
     table.row("fbp ram-lak blurred", blurred[width], 0.0, f"s.d. {width} pixels")
-    methods: dict[str, Callable[[float], Method]] = {
-        "tv-pwls": lambda strength: TVPWLS(strength / 50, iterations=40),
-        "pnp tv": lambda strength: PlugAndPlay(TotalVariation(strength / 1000), iterations=40),
+    methods: dict[str, dict[str, Method]] = {
+        "tv-pwls": {f"{pixels:g} pixels": TVPWLS(pixels, iterations=40) for pixels in (0.8, 1.4, 2.0)},
+        "pnp tv": {
+            f"{hu:g} HU x pixel": PlugAndPlay(TotalVariation(hu / 1000), iterations=40) for hu in (40.0, 70.0, 100.0)
+        },
     }
-    for name, method in methods.items():
+    for name, choices in methods.items():
         results = []
-        for strength in (40.0, 70.0, 100.0):
+        for strength, method in choices.items():
             began = time.perf_counter()
-            made = method(strength)(sinogram, A)
+            made = method(sinogram, A)
             results.append((table.rmse(made.image), strength, made, time.perf_counter() - began))
         _, strength, made, seconds = min(results, key=lambda result: result[0])
-        table.row(name, made.image, seconds, f"strength {strength:g}, {made.iterations} iterations")
+        table.row(name, made.image, seconds, f"strength {strength}, {made.iterations} iterations")
 
 
 def main() -> None:

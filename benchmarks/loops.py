@@ -1,14 +1,14 @@
 """Whole plug-and-play, and its data step alone, by pnpct and by what its peers have for it.
 
 All get the same scan (`write_scan`), begin from the same image (the one that pnpct begins from; its time counts), and
-have the same denoiser, `n2n`, and the same fall of sigma_v. deepinv: its HQS with the statistical weights, which it
-has no option for, as part of the operator, and conjugate gradients as its data step. svmbir: pnpct's own ADMM around
-the proximal map of svmbir.recon. Each answers with its time and error after every iteration; what it takes to look at
-the error is not counted.
+have the same denoiser, `n2n` with what pnpct puts around a network (`around_network`), and the same fall of sigma_v.
+deepinv: its HQS with the statistical weights, which it has no option for, as part of the operator, and conjugate
+gradients as its data step. svmbir: pnpct's own ADMM around the proximal map of svmbir.recon. Each answers with its time
+and error after every iteration; what it takes to look at the error is not counted.
 
-A data step is compared at the error of pnpct's default, three preconditioned steps. How many plain steps come as near
-is counted on pnpct's operator: deepinv has another discretisation, and so another solution. How many passes svmbir
-takes is counted against its own solution.
+A data step is compared at the error after the fewest steps that pnpct takes, two preconditioned ones. How many plain
+steps come as near is counted on pnpct's operator: deepinv has another discretisation, and so another solution. How many
+passes svmbir takes is counted against its own solution.
 """
 
 from collections.abc import Callable
@@ -25,6 +25,7 @@ from pnpct.denoisers.network_cost import network_cost
 from pnpct.operators import Projector
 from pnpct.physics import Sinogram
 from pnpct.reconstruction import PlugAndPlay
+from pnpct.reconstruction.around_network import around_network
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, Solve
 from pnpct.reconstruction.pnp_admm import ADMMState, pnp_admm
 from tasks import EXACT_STEPS, ITERATIONS, DataStep, Task, Watch
@@ -99,7 +100,7 @@ def deepinv(world: World, file: str, patience: float) -> Parts:
 
     network = dncnn_of_like_size(task)
     return {
-        "pnp": lambda: run(task.denoise, patience),
+        "pnp": lambda: run(around_network(task.denoise, world.spacing), patience),
         "pnp, DnCNN": lambda: {**run(network, patience), "errors": []},
         "data step": lambda: {**step.timed(solved, step.plain_steps)(), "errors": []},
         "network": lambda: network(task.truth),
@@ -173,7 +174,8 @@ def svmbir(world: World, file: str, patience: float) -> Parts:
         watch = Watch(task, patience)
         A, start, sigmas = task.begun()
         begun = ADMMState.start(start)
-        for state in pnp_admm(task.sinogram, A, task.denoise, begun, sigma_v=sigmas, damping=0.5, solver=solver):
+        denoise = around_network(task.denoise, world.spacing)
+        for state in pnp_admm(task.sinogram, A, denoise, begun, sigma_v=sigmas, damping=0.5, solver=solver):
             if watch.look(state.v):
                 return watch.record
         raise AssertionError("ADMM goes on for ever.")

@@ -4,9 +4,9 @@
 
 One data step (AᵀWA + β) x = AᵀW y + β v from v, with v 18 HU of white noise away from the object; iterations until x
 is 1 HU rms from the exact solution (dense Cholesky at 128 x 128, else 60 preconditioned steps). β is given twice, in
-mean diagonals of AᵀWA over the object, as everywhere in pnpct, and over the whole circle that the fan sees: there the
-rays through air raise the mean. The worlds: the CatSim chest at 40 mA, 512 x 512, 984 x 900; and a pelvis of ellipses
-behind a bow-tie filter, 3e4 quanta per ray, at 128 x 128.
+mean diagonals of AᵀWA over the object, as `mean_diagonal` has it, and over the whole circle that the fan sees: there
+the rays through air raise the mean. The worlds: the CatSim chest at 40 mA, 512 x 512, 984 x 900; and a pelvis of
+ellipses behind a bow-tie filter, 3e4 quanta per ray, at 128 x 128.
 """
 
 import argparse

@@ -149,7 +149,7 @@ class DataStep:
 
     @cached_property
     def aim(self) -> float:
-        """The error of the default: three preconditioned steps, HU."""
+        """The error after the fewest steps that pnpct takes, preconditioned; HU."""
         return self.error(self.solved(INNER_ITERATIONS, self.precondition))
 
     @cached_property

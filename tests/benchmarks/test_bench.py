@@ -121,6 +121,15 @@ def test_this_state_is_compared_with_another_revision_part_by_part():
     assert bench_report.against_table([now]) == ""
 
 
+def test_a_revision_that_lacks_something_costs_its_own_rows_alone():
+    now, before = (record(name, 64, {"forward": [t]}) for name, t in (("pnpct", 0.001), ("pnpct at v1", 0.002)))
+    loop, older = record("pnpct", 64, {"pnp": [2.0]}), record("pnpct at v1", 64, {}, failed="ImportError: FIRST")
+    said = bench_report.against_table([now, before, loop, older])
+    assert "| forward, 64 × 64, 1 slice | 2.00 | 1.00 | 0.50 |" in said
+    assert "pnp" not in said.replace("pnpct at v1", "")
+    assert bench_report.against_table([{**now, "failed": "its process has ended"}, before]) == ""
+
+
 def test_peers_that_need_too_much_memory_or_time_are_left_out_and_say_why():
     large = Contender("large", "large", dict, gigabytes=1e6)
     assert bench.left_out(large, World(512), []) == "needs about 1000000 GB"

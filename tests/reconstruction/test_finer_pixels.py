@@ -83,7 +83,7 @@ def test_few_views_keep_no_pixel_whole_and_leave_less_room_for_streaks(chest, mo
     whole = Whole(*few, A.grid)
     assert on_finer_pixels(whole, KNOWING).A.grid == A.grid.halved
     made = [method(*few) for method in (PlugAndPlay(KNOWING), TVPWLS())]
-    assert "σ_v ended at 30 HU" in made[0].notes[-1]
+    assert "σ_v falls to 30 HU" in made[0].notes[-1]
     errors = [rmse_hu(each.image, truth, mask=body_mask(truth)) for each in made]
     assert errors[0] < 0.9 * errors[1]
     used = []

@@ -51,7 +51,7 @@ def network() -> LearnedDenoiser:
 def iterates(sinogram: Sinogram, A: Projector, denoise, number: int) -> list[torch.Tensor]:
     balanced, last = balanced_sigma_v(sinogram, A), PlugAndPlay.sigma_v
     sigma_v = falling(balanced.maximum((3 * balanced).clamp(max=3 * last)), last)
-    denoise = around_network(denoise)
+    denoise = around_network(denoise, A.grid.spacing)
     states = pnp_admm(sinogram, A, denoise, starting_state(sinogram, A), sigma_v=sigma_v, damping=PlugAndPlay.damping)
     return [state.v for state in itertools.islice(states, number)]
 

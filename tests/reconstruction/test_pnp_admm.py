@@ -1,5 +1,6 @@
 import itertools
 from dataclasses import replace
+from inspect import unwrap
 
 import pytest
 import torch
@@ -249,6 +250,10 @@ def test_damped_entirely_admm_has_no_memory(sinogram, A, start):
         (
             lambda s, A, start: next(until(iter([]), start, A, iterations=0, stop="never")),
             "at least one iteration, got 0",
+        ),
+        (
+            lambda s, A, start: next(unwrap(until)(iter([]), start, A, iterations=1, stop="soon")),
+            'no stopping rule "soon"; the rules are relative, paper, never',
         ),
         (lambda s, A, start: solver_by_name("lu"), 'no solver "lu"; the solvers are fourier, cholesky'),
         (lambda s, A, start: solver_by_name("fbp-blend", inner_iterations=2), "takes no inner iterations"),

@@ -33,7 +33,7 @@ def test_a_file_states_all_that_the_example_depends_on(examples: Examples, tmp_p
     with safe_open(path, "pt") as file:
         assert json.loads(file.metadata()["key"]) == {
             "format": "pnpct-example",
-            "format_version": 3,
+            "format_version": 4,
             "source": "heads",
             "files": [f"train/{file.name}" for file in examples.files],
             "images": [

@@ -6,12 +6,14 @@ from itertools import islice
 
 import pytest
 import torch
+from torch import nn
 
-from pnpct.denoisers import RDNCBAM, Gaussian, RDNSize
+from pnpct.denoisers import RDNCBAM, Gaussian, LearnedDenoiser, RDNSize
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import Scan, simulate_counts, take_log
 from pnpct.reconstruction import PlugAndPlay, fbp, starting_state
+from pnpct.reconstruction.around_network import MIRRORS
 from pnpct.training import FBPImages, LoopImages, SplitViewPairs, mean_squared_error, train, view_subset_images
 from pnpct.training.images import SIGMAS_V
 
@@ -106,6 +108,27 @@ def test_the_loop_shows_the_denoiser_what_admm_would(scan: Scan, grid: ImageGrid
         for _ in islice(PlugAndPlay(watched, sigma_v=sigma_v).states(sinogram, A, starting_state(sinogram, A)), 3):
             pass
         torch.testing.assert_close(images, torch.stack([given[k] for k in iterations]), rtol=0, atol=1e-4)
+
+
+def test_around_a_network_the_loop_is_that_of_plug_and_play(scan: Scan, grid: ImageGrid) -> None:
+    class Seeing(nn.Module):
+        def forward(self, images: torch.Tensor) -> torch.Tensor:
+            seen.append(images.reshape(grid.shape))
+            return 0.9 * images
+
+    seen: list[torch.Tensor] = []
+    network = LearnedDenoiser(Seeing())
+    images = LoopImages(network, "seeing", iterations=3, number=3)(scan, grid, torch.Generator().manual_seed(5))
+    seen.clear()
+    strength_and_sigma_v = torch.rand(2, generator=torch.Generator().manual_seed(5))
+    sigma_v = SIGMAS_V[0] * (SIGMAS_V[1] / SIGMAS_V[0]) ** float(strength_and_sigma_v[1])
+    A = Projector(grid, scan.geometry, mu_water=scan.mu_water)
+    sinogram = take_log(scan)
+    states = PlugAndPlay(network, sigma_v=sigma_v).states(sinogram, A, starting_state(sinogram, A))
+    for _ in islice(states, 3):
+        pass
+    mirrored_back = [image.flip(axes) for image, axes in zip(seen, MIRRORS, strict=False)]
+    torch.testing.assert_close(images, torch.stack(mirrored_back), rtol=0, atol=1e-4)
 
 
 def test_around_what_changes_nothing_the_loop_goes_from_fbp_towards_what_the_rays_say(

@@ -55,6 +55,11 @@ class ImageGrid:
         return self.rows, self.cols
 
     @property
+    def plane(self) -> "ImageGrid":
+        """Itself: the pixels of each slice, as volumes have them."""
+        return self
+
+    @property
     def halved(self) -> "ImageGrid":
         """The same square in pixels of half the spacing, as phantoms are scanned for images of this grid."""
         return replace(self, rows=2 * self.rows, cols=2 * self.cols, spacing=self.spacing / 2)

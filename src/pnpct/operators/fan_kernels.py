@@ -49,38 +49,46 @@ def arctangent(z):
     return z * (np.float32(0.999999898) + u * (np.float32(-0.333319597) + u * low))
 
 
+@njit(inline="always", **_OPTIONS)
+def seen_from(x, y, cosine, sine, distance, bins, arc):
+    """Where a view sees a pixel: the lower bin among padded ones, the share of the upper one, and L².
+
+    `bins` is (number, scale, offset): the bin is scale · γ + offset on an arc and scale · tan γ + offset on a flat
+    detector. Only float32 and int32: a loop over columns then becomes one of vectors.
+    """
+    count, scale, offset = bins
+    depth = distance + x * sine - y * cosine
+    across = x * cosine + y * sine
+    tangent = min(max(across / depth, np.float32(-1)), np.float32(1))
+    squared = depth * depth
+    if arc:
+        tangent = arctangent(tangent)
+        squared += across * across
+    number = min(max(scale * tangent + offset + np.float32(1), np.float32(0)), np.float32(count + 1))
+    at = np.int32(number)
+    return at, number - np.float32(at), squared
+
+
 @njit(**_OPTIONS)
 def back_project_fan(image, views, cosines, sines, place, distance, bins, arc, lanes, first, last):
     """Sum the filtered views [view][1 + bin + 1][lane] into the rows first … last − 1 of image [row][column][lane].
 
-    `place` is (x of column 0, y of row 0, spacing) in mm, `bins` is (number, scale, offset): the bin is
-    scale · γ + offset on an arc and scale · tan γ + offset on a flat detector.
+    `place` is (x of column 0, y of row 0, spacing) in mm, `bins` that of `seen_from`.
     """
     x0, y0, spacing = place
-    count, scale, offset = bins
     cols, size = image.shape[1], len(lanes)
-    # Only float32 and int32 in the loop over columns: it then becomes one of vectors.
     at, share, weight = np.empty(cols, np.int32), np.empty(cols, np.float32), np.empty(cols, np.float32)
-    end = np.float32(count + 1)
     image[first:last] = 0
     for block in range(first, last, BLOCK):
         for view in range(cosines.size):
             c, s = cosines[view], sines[view]
-            base = view * (count + 2) * size
+            base = view * (bins[0] + 2) * size
             for row in range(block, min(block + BLOCK, last)):
                 y = y0 - np.float32(row) * spacing
                 for col in range(cols):
-                    x = x0 + np.float32(col) * spacing
-                    depth = distance + x * s - y * c
-                    across = x * c + y * s
-                    tangent = min(max(across / depth, np.float32(-1)), np.float32(1))
-                    squared = depth * depth
-                    if arc:
-                        tangent = arctangent(tangent)
-                        squared += across * across
-                    number = min(max(scale * tangent + offset + np.float32(1), np.float32(0)), end)
-                    at[col] = np.int32(number)
-                    share[col] = number - np.float32(at[col])
+                    at[col], share[col], squared = seen_from(
+                        x0 + np.float32(col) * spacing, y, c, s, distance, bins, arc
+                    )
                     weight[col] = np.float32(1) / squared
                 for col in range(cols):
                     _add_between(image, row * cols * size, col, views, base, at, share, weight, lanes)

@@ -13,18 +13,26 @@ MIRRORS: tuple[tuple[int, ...], ...] = ((), (-2,), (-2, -1), (-1,))
 LITTLE = 0.002
 """Strength of total variation behind a network, image × pixel: a disc of three pixels loses 1.3 HU."""
 
+COARSE_MM = 1.0
+"""Pixel spacing up to which the strength grows as the area of a pixel falls, mm: in smaller pixels noise is coarser."""
+
+MOST = 5.0
+"""What it grows to, over `LITTLE`: then a disc of 3 mm loses 6 HU in pixels of 0.4 mm."""
+
 _TOLERANCE = 2e-4
 
 
-def around_network(denoise: Denoise) -> Denoise:
+def around_network(denoise: Denoise, spacing: float) -> Denoise:
     """Return the denoiser of one loop around a network; other denoisers stay as they are.
 
     A network is the proximal map of no function, and makes curls and mottle that the loop feeds back to it. It makes
     others where it sees the image mirrored, so it sees it another way in each iteration: what mirrors do not share does
-    not build up. And what mottle it leaves is coarse and faint, where total variation is at its best.
+    not build up. And what mottle it leaves is coarse and faint, where total variation is at its best; in small pixels
+    it is coarser yet, counted in pixels, and there is more of it.
 
     Args:
         denoise: The denoiser; a network, perhaps across slices.
+        spacing: Of the pixels, mm.
 
     References:
         Terris, Moreau, Pustelnik and Tachella, CVPR (2024) 25255: equivariant plug-and-play.
@@ -32,7 +40,7 @@ def around_network(denoise: Denoise) -> Denoise:
     network = denoise.denoise if isinstance(denoise, AcrossSlices) else denoise
     if not isinstance(network, LearnedDenoiser):
         return denoise
-    flat = TotalVariation(LITTLE, tolerance=_TOLERANCE)
+    flat = TotalVariation(strength_behind(spacing), tolerance=_TOLERANCE)
     # A map of noise levels belongs to the pixels as they are.
     mirrors = itertools.cycle([()] if isinstance(network.noise_level, Tensor) else MIRRORS)
 
@@ -41,3 +49,8 @@ def around_network(denoise: Denoise) -> Denoise:
         return flat(denoise(image.flip(axes)).flip(axes))
 
     return mirrored
+
+
+def strength_behind(spacing: float) -> float:
+    """Return the strength of total variation behind a network in pixels of a spacing in mm, image × pixel."""
+    return LITTLE * min(max((COARSE_MM / spacing) ** 2, 1.0), MOST)

@@ -153,8 +153,8 @@ class PlugAndPlay:
 
     Args:
         denoise: D, with its strength inside.
-        sigma_v: Standard deviation to which the denoised image is trusted in the end, HU, > 0. The default suits all
-            doses and all sizes of patients. Where views are far apart, half of it is taken.
+        sigma_v: Standard deviation to which the denoised image is trusted in the end, HU, > 0; far below that of the
+            data it is not reached. The default suits all doses and patients. Where views are far apart, half is taken.
         damping: Fraction of u that each iteration drops, 0 to 1; the paper's ADMM has 0.
         iterations: Maximum number of iterations, at least 1.
         stop: Stopping rule that may end the iterations earlier.
@@ -208,7 +208,7 @@ class PlugAndPlay:
         return pnp_admm(
             sinogram,
             A,
-            possible(around_network(self.denoise), A),
+            possible(around_network(self.denoise, A.grid.plane.spacing), A),
             start,
             sigma_v=falling(first, last),
             damping=self.damping,
@@ -222,7 +222,7 @@ class PlugAndPlay:
             return _iterated(self, *_in_space(sinogram, A), progress)
         whole = on_finer_pixels(_whole(sinogram, A), self.denoise)
         if far_apart(whole.A):
-            said = f"Views are far apart: it began with total variation, and σ_v ended at {self._last(whole.A):g} HU."
+            said = f"Views are far apart: it began with total variation, and σ_v falls to {self._last(whole.A):g} HU."
             whole = replace(whole, notes=(*whole.notes, said))
         return _iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
 

@@ -90,7 +90,7 @@ def pnp_admm(
             those of each iteration, for ever. From one to the next the dual variable β u stays.
         damping: Fraction of u that each iteration drops, 0 ≤ damping ≤ 1. The paper has 0, where x and v agree in the
             limit; 1 is half-quadratic splitting, without u.
-        solver: Makes the solver of the normal equations from (sinogram, A, β).
+        solver: Makes the solver of the normal equations from (sinogram, A).
 
     Yields:
         The state after each iteration.

@@ -88,10 +88,12 @@ def until(
         stop: Name of the rule, one of `STOP_RULES`.
 
     Raises:
-        ValueError: If `iterations` is below 1 (at the first state), or ADMM diverges.
+        ValueError: If `iterations` is below 1 or there is no such rule (at the first state), or ADMM diverges.
     """
     if iterations < 1:
         raise ValueError(f"ADMM needs at least one iteration, got {iterations}.")
+    if stop not in STOP_RULES:
+        raise ValueError(f'There is no stopping rule "{stop}"; the rules are {", ".join(STOP_RULES)}.')
     rule, before = STOP_RULES[stop], start
     for number, after in enumerate(states, start=1):
         check_bounded(start, after, number)

@@ -16,7 +16,7 @@ from safetensors.torch import save_file
 from pnpct.files import atomic_path
 from pnpct.training.examples import Example, Examples
 
-FORMAT, FORMAT_VERSION = "pnpct-example", 3
+FORMAT, FORMAT_VERSION = "pnpct-example", 4
 """Raise this when the same settings make other images."""
 
 

@@ -17,6 +17,7 @@ from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Kernel, Projector
 from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import PlugAndPlay, corrected_for_bone, fbp, starting_state
+from pnpct.reconstruction.around_network import around_network
 
 SIGMAS_V = (40.0, 90.0)
 """Lowest and highest σ_v, HU, between which it is drawn evenly in its logarithm: around the default."""
@@ -136,7 +137,8 @@ class LoopImages:
         A = _projector(grid, scan.geometry, scan.mu_water)
         sinogram = corrected_for_bone(take_log(scan), A)
         strength = _evenly_in_logarithm(*STRENGTHS_HU, generator) / 1000
-        denoise = self.denoiser or TotalVariation(strength, iterations=TV_ITERATIONS)
+        # As plug-and-play has it, which does not see that there is a network in `watched`.
+        denoise = around_network(self.denoiser or TotalVariation(strength, iterations=TV_ITERATIONS), grid.spacing)
         sigma_v = _evenly_in_logarithm(*SIGMAS_V, generator)
         chosen = torch.randperm(self.iterations, generator=generator)[: self.number].sort().values.tolist()
         shown: list[Image] = []

@@ -12,7 +12,7 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 from pnpct.operators.cone.cone_kernels import PAD, WIDTH, overlap_sum
-from pnpct.operators.fan_kernels import BLOCK, arctangent
+from pnpct.operators.fan_kernels import BLOCK, seen_from
 from pnpct.operators.vector_ir import Vector, element
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": True, "error_model": "numpy", "cache": True}
@@ -61,33 +61,22 @@ def back_project_cone(image, views, cosines, sines, heights, place, distance, bi
     step). On a flat detector l is measured along the central ray. Slices are whole vectors.
     """
     x0, y0, spacing = place
-    count, scale, offset = bins
     start, low, step = heights
     cols, slices = image.shape[1:]
     rows = views.shape[2]
     top = np.float32(rows - 1)
     lanes = np.float32(WIDTH - 1)
-    # Only float32 and int32 in the loop over columns: it then becomes one of vectors.
     at, share, nearness = np.empty(cols, np.int32), np.empty(cols, np.float32), np.empty(cols, np.float32)
     line = np.zeros(rows + 2 * PAD, np.float32)
-    end = np.float32(count + 1)
     for block in range(first, last, BLOCK):
         for view in range(cosines.size):
             c, s = cosines[view], sines[view]
             for row in range(block, min(block + BLOCK, last)):
                 y = y0 - np.float32(row) * spacing
                 for col in range(cols):
-                    x = x0 + np.float32(col) * spacing
-                    depth = distance + x * s - y * c
-                    across = x * c + y * s
-                    tangent = min(max(across / depth, np.float32(-1)), np.float32(1))
-                    squared = depth * depth
-                    if arc:
-                        tangent = arctangent(tangent)
-                        squared += across * across
-                    number = min(max(scale * tangent + offset + np.float32(1), np.float32(0)), end)
-                    at[col] = np.int32(number)
-                    share[col] = number - np.float32(at[col])
+                    at[col], share[col], squared = seen_from(
+                        x0 + np.float32(col) * spacing, y, c, s, distance, bins, arc
+                    )
                     nearness[col] = np.float32(1) / np.sqrt(squared)
                 for col in range(cols):
                     near, part, weight = at[col], share[col], nearness[col] * nearness[col]
