@@ -58,7 +58,7 @@ def print_all(found: Comparison) -> None:
             points = ", ".join(f"{ma:g} mA {d.estimate:.2f} ± {d.standard_error:.2f}" for ma, d in found_at)
             print(f"{task.method}, {task.lesion}: d' {points}; {in_words(task.equal_dose)}")
     for least in found.least_reductions:
-        print(f"{least.method}, worst of all inserts ({least.worst}): {in_words(least.equal_dose)}")
+        print(f"{least.method}, worst of all inserts ({least.lesion}): {in_words(least.equal_dose)}")
     for check in found.checks:
         print(f"{check.name}, {check.verdict}: {check.says}")
 
