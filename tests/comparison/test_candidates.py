@@ -28,7 +28,7 @@ def test_the_methods_of_the_paper_have_their_roles() -> None:
 
 
 def test_the_control_is_sharp_fbp_behind_a_blur() -> None:
-    assert controls(blur_pixels=2.0)["blurred-fbp"].method == DenoisedFBP(Gaussian(2.0))
+    assert controls(blur_pixels=2.0)["blurred-fbp"].method == DenoisedFBP(Gaussian(2.0), "hann")
 
 
 def test_a_denoiser_that_is_known_by_name_is_compared_in_plug_and_play(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -151,7 +151,9 @@ def unpacked(packed: bytes) -> Candidate:
 
 
 def controls(kernel: Kernel = FBP.kernel, blur_pixels: float = 1.5) -> Candidates:
-    """Return what every method is compared with: FBP, and sharp FBP blurred by a Gaussian, which must never win.
+    """Return what every method is compared with: FBP, and the same blurred by a Gaussian, which must never win.
+
+    It has the kernel of FBP: the sharpest lets noise through that pixels are too large for, and that no blur takes away.
 
     Args:
         kernel: Of FBP.
@@ -161,7 +163,7 @@ def controls(kernel: Kernel = FBP.kernel, blur_pixels: float = 1.5) -> Candidate
     return Candidates(
         (
             Candidate("fbp", f"FBP, {kernel}", "baseline", FBP(kernel)),
-            Candidate("blurred-fbp", label, "control", DenoisedFBP(Gaussian(blur_pixels))),
+            Candidate("blurred-fbp", label, "control", DenoisedFBP(Gaussian(blur_pixels), kernel)),
         )
     )
 
