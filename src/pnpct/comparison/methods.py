@@ -153,7 +153,7 @@ def unpacked(packed: bytes) -> Candidate:
 def controls(kernel: Kernel = FBP.kernel, blur_pixels: float = 1.5) -> Candidates:
     """Return what every method is compared with: FBP, and the same blurred by a Gaussian, which must never win.
 
-    It has the kernel of FBP: the sharpest lets noise through that pixels are too large for, and that no blur takes away.
+    It has the kernel of FBP: the sharpest lets noise through that pixels are too large for and no blur takes away.
 
     Args:
         kernel: Of FBP.
