@@ -5,7 +5,7 @@ import itertools
 import pytest
 import torch
 
-from pnpct.denoisers import RDNCBAM, Gaussian, LearnedDenoiser, RDNSize, TotalVariation, denoiser_settings
+from pnpct.denoisers import RDNCBAM, AcrossSlices, Gaussian, LearnedDenoiser, RDNSize, TotalVariation, denoiser_settings
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
@@ -69,11 +69,19 @@ def test_a_denoiser_alone_works_on_sharp_fbp(sinogram, A):
     assert made.settings["kernel"] == "ram-lak"
 
 
-def test_the_image_is_the_last_denoised_iterate(sinogram, A, network):
-    for denoise in (TV, network):
-        made = PlugAndPlay(denoise, iterations=4)(sinogram, A)
-        assert torch.equal(made.image, iterates(sinogram, A, denoise, 4)[-1])
-        assert (made.iterations, made.stopped_by) == (4, "iterations")
+def test_the_image_is_the_last_denoised_iterate(sinogram, A):
+    made = PlugAndPlay(TV, iterations=4)(sinogram, A)
+    assert torch.equal(made.image, iterates(sinogram, A, TV, 4)[-1])
+    assert (made.iterations, made.stopped_by) == (4, "iterations")
+
+
+def test_around_a_network_it_is_the_mean_of_the_last_two(sinogram, A, network):
+    made = PlugAndPlay(network, iterations=4)(sinogram, A)
+    *_, third, fourth = iterates(sinogram, A, network, 4)
+    torch.testing.assert_close(made.image, (third + fourth) / 2)
+    assert (fourth - third).abs().max() > 1e-4
+    once = PlugAndPlay(AcrossSlices(network), iterations=1)(sinogram, A)
+    assert torch.equal(once.image, iterates(sinogram, A, network, 1)[0])
     assert made.settings["denoiser"] == "tiny"
     assert made.settings["sigma_v_hu"] == PlugAndPlay.sigma_v
 
@@ -119,7 +127,7 @@ def test_progress_sees_every_iterate_and_the_most_there_can_be(sinogram, A):
 
     made = TVPWLS(iterations=3)(sinogram, A, progress=watched)
     assert len(seen) == made.iterations == 3
-    assert seen[-1].v is made.image
+    assert torch.equal(seen[-1].v, made.image)
 
 
 def test_settings_are_known_before_the_work_and_hold_afterwards(sinogram, A, network):

@@ -1,4 +1,4 @@
-"""What plug-and-play puts around a network: mirrors, and a little total variation."""
+"""What plug-and-play puts around a network: mirrors, a little total variation, and the mean of two mirrors."""
 
 import itertools
 
@@ -19,6 +19,9 @@ COARSE_MM = 1.0
 MOST = 5.0
 """What it grows to, over `LITTLE`: then a disc of 3 mm loses 6 HU in pixels of 0.4 mm."""
 
+MIRRORS_IN_IMAGE = 2
+"""Iterates whose mean is the image: what a network makes of noise is another in each."""
+
 _TOLERANCE = 2e-4
 
 
@@ -37,8 +40,8 @@ def around_network(denoise: Denoise, spacing: float) -> Denoise:
     References:
         Terris, Moreau, Pustelnik and Tachella, CVPR (2024) 25255: equivariant plug-and-play.
     """
-    network = denoise.denoise if isinstance(denoise, AcrossSlices) else denoise
-    if not isinstance(network, LearnedDenoiser):
+    network = _network_in(denoise)
+    if network is None:
         return denoise
     flat = TotalVariation(strength_behind(spacing), tolerance=_TOLERANCE)
     # A map of noise levels belongs to the pixels as they are.
@@ -54,3 +57,13 @@ def around_network(denoise: Denoise, spacing: float) -> Denoise:
 def strength_behind(spacing: float) -> float:
     """Return the strength of total variation behind a network in pixels of a spacing in mm, image × pixel."""
     return LITTLE * min(max((COARSE_MM / spacing) ** 2, 1.0), MOST)
+
+
+def iterates_in_image(denoise: Denoise) -> int:
+    """Return of how many of the last iterates the image is the mean: of one, the last, unless there is a network."""
+    return 1 if _network_in(denoise) is None else MIRRORS_IN_IMAGE
+
+
+def _network_in(denoise: Denoise) -> LearnedDenoiser | None:
+    inner = denoise.denoise if isinstance(denoise, AcrossSlices) else denoise
+    return inner if isinstance(inner, LearnedDenoiser) else None

@@ -14,18 +14,19 @@ from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation, denoiser_settings
 from pnpct.operators import AnyProjector, ConeProjector, Kernel, Projector
 from pnpct.physics import Sinogram
-from pnpct.reconstruction.around_network import around_network
+from pnpct.reconstruction.around_network import around_network, iterates_in_image
 from pnpct.reconstruction.bone import corrected_for_bone
 from pnpct.reconstruction.dead_modules import filled_from_image
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.fdk import about_filtered_cone, circle_volume
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
+from pnpct.reconstruction.iterated import iterated
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Progress, Reconstruction, unwatched
 from pnpct.reconstruction.solvers import ITERATIVE, SolverName, check_in_space, solver_by_name
 from pnpct.reconstruction.starting import STRENGTH, around_total_variation, far_apart, possible, starting_state
-from pnpct.reconstruction.stopping import RuleName, until
+from pnpct.reconstruction.stopping import RuleName
 from pnpct.reconstruction.tilted_volume import StartingImage, tilted_volume
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
 from pnpct.reconstruction.whole_volume import WholeVolume, corrected_for_bone_in, whole_volume
@@ -134,9 +135,9 @@ class TVPWLS:
     def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
         if isinstance(A, ConeProjector):
-            return _iterated(self, *_in_space(sinogram, A), progress)
+            return iterated(self, *_in_space(sinogram, A), progress)
         whole = _whole(sinogram, A)
-        return _iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
+        return iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
 
 
 @dataclass(frozen=True)
@@ -147,9 +148,9 @@ class PlugAndPlay:
     one that is in balance with the data, and no less than in balance; and falls by `FALL` in each. So the edges come
     from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM is damped: what u collects is mostly
     noise, and networks, the proximal maps of no function, would take it for anatomy. On a limited angle the image has
-    no negative attenuation (`possible`). A network sees the image mirrored in turn, and a little total variation is
-    behind it (`around_network`). Where the pixels are large, the noise low and the network knows smaller ones,
-    the iterates have pixels of half the size (`on_finer_pixels`).
+    no negative attenuation (`possible`). A network sees the image mirrored in turn, a little total variation is behind
+    it, and the image is the mean of the last two iterates (`around_network`). Where the pixels are large, the noise low
+    and the network knows smaller ones, the iterates have pixels of half the size (`on_finer_pixels`).
 
     Args:
         denoise: D, with its strength inside.
@@ -219,12 +220,14 @@ class PlugAndPlay:
         """Reconstruct."""
         if isinstance(A, ConeProjector):
             check_in_space(self.solver)
-            return _iterated(self, *_in_space(sinogram, A), progress)
-        whole = on_finer_pixels(_whole(sinogram, A), self.denoise)
-        if far_apart(whole.A):
-            said = f"Views are far apart: it began with total variation, and σ_v falls to {self._last(whole.A):g} HU."
-            whole = replace(whole, notes=(*whole.notes, said))
-        return _iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
+            whole, start = _in_space(sinogram, A)
+            return iterated(self, whole, start, progress, mean_of=iterates_in_image(self.denoise))
+        divided = on_finer_pixels(_whole(sinogram, A), self.denoise)
+        if far_apart(divided.A):
+            said = f"Views are far apart: it began with total variation, and σ_v falls to {self._last(divided.A):g} HU."
+            divided = replace(divided, notes=(*divided.notes, said))
+        start = starting_state(divided.sinogram, divided.A)
+        return iterated(self, divided, start, progress, mean_of=iterates_in_image(self.denoise))
 
 
 METHODS: dict[str, type[FBP | TVPWLS | PlugAndPlay]] = {"fbp": FBP, "pnp": PlugAndPlay, "tv": TVPWLS}
@@ -276,18 +279,3 @@ def _in_space(sinogram: Sinogram, A: ConeProjector) -> tuple[WholeVolume, ADMMSt
     first, _ = circle_volume(sinogram, whole.A, "soft")
     whole = corrected_for_bone_in(first, whole)
     return whole, starting_state(whole.sinogram, whole.A)
-
-
-def _iterated(
-    method: TVPWLS | PlugAndPlay, whole: Whole | WholeVolume, start: ADMMState, progress: Progress
-) -> Reconstruction:
-    """Iterate until the rule of the method ends it."""
-    sinogram, A = whole.sinogram, whole.A
-    states = until(method.states(sinogram, A, start), start, A, iterations=method.iterations, stop=method.stop)
-    done, last = 0, start
-    for number, state in enumerate(progress(states, method.iterations), start=1):
-        done, last = number, state
-    if not done:
-        raise ValueError("ADMM has no image without an iteration.")
-    stopped_by = method.stop if done < method.iterations else "iterations"
-    return Reconstruction(whole.cut_out(last.v), method.settings, done, stopped_by, whole.notes)
