@@ -5,8 +5,8 @@ Without weights AᵀA is nearly a convolution Λ. The weights, seen from a pixel
 
     AᵀWA + β ≈ K (F*ΛF + η) K,      M⁻¹ = K⁻¹ [Σ_k S_k F* (Λ + η_k)⁻¹ F S_k] K⁻¹
 
-where S_k blends between a few levels η_k of the logarithm of η, S_k² adding up to one: symmetric positive definite,
-one pair of FFTs per level.
+where Λ is measured by noise, and S_k blends between a few levels η_k of the logarithm of η, S_k² adding up to one:
+symmetric positive definite, one pair of FFTs per level.
 
 References:
     Fessler and Booth, IEEE Trans. Image Process. 8 (1999) 688.
@@ -16,10 +16,10 @@ References:
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from pnpct.arrays import Image, Volume
 from pnpct.operators import AnyProjector, Projector
-from pnpct.operators.linear_operator import Shape
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.normal_equations import (
     INNER_ITERATIONS,
@@ -34,11 +34,11 @@ LEVELS = 3
 EVEN = 0.05
 """If the logarithms of the certainties spread by less, one level serves all pixels."""
 
-AROUND = ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))
-"""Where the points are whose responses make the spectrum of a limited angle, in thirds of the image from its middle."""
+NEIGHBOURS = 9
+"""Frequencies, in either direction, over which a spectrum is a mean."""
 
-LOWEST = 0.1
-"""Of the spectrum of a volume over its median; single values of it, near the axis, are off."""
+LOWEST = 1e-3
+"""Of a spectrum over its median."""
 
 FAINTEST = 1e-3
 """A pixel of less certainty, relative to the median, counts as one that no ray meets."""
@@ -105,51 +105,28 @@ def _seen_by_all_views(A: AnyProjector) -> Tensor:
 
 
 def _spectrum(A: AnyProjector, like: Tensor) -> Tensor:
-    """Return the spectrum Λ of AᵀA from its response to a point in the middle.
+    """Return the spectrum Λ of AᵀA: how much of each frequency of a noise it answers with, on the mean over the image.
 
-    In a volume each place is met from some directions more often than from others. On the mean over the volume none is
-    preferred: Λ is the mean around the axis.
-
-    Of a limited angle the response is too long for the image, along the rays: cut off at the border, it has a spectrum
-    with negative values, which AᵀA has not; and the directions that are measured turn with the place in the fan. Then Λ
-    is the mean over five points, each under a window of no negative spectrum.
+    Near the highest frequencies AᵀA is no convolution: what it answers to a point depends on where that is between
+    pixels and cells, and has hardly anything of some frequencies. Filters made of that are far too large there.
     """
-    spectrum = torch.fft.rfftn(_response(A, like, (0, 0))).real
-    floor = max(1e-3 * float(spectrum.abs().median()), 0.2 * float(spectrum.abs().min()))
-    if not isinstance(A, Projector):
-        spectrum = _around_the_axis(spectrum, A.domain_shape)
-        floor = LOWEST * float(spectrum.median())
-    elif A.geometry.limited_angle:
-        rows, cols = A.grid.shape
-        window = _triangle(rows, like)[:, None] * _triangle(cols, like)
-        spectrum = torch.stack([torch.fft.rfft2(_response(A, like, place) * window).real for place in AROUND]).mean(0)
-    positive: Tensor = spectrum.clamp(min=floor)
+    chance = torch.Generator().manual_seed(0)
+    signs = (2 * torch.randint(0, 2, A.domain_shape, generator=chance) - 1).to(like)
+    noise, answer = (torch.fft.rfftn(image, dim=A.domain_dims) for image in (signs, A.adjoint(A(signs))))
+    rows, cols = A.domain_shape[-2:]
+    # AᵀA falls like one over the frequency: times it, a mean over neighbours is not that of a steep slope.
+    frequency = torch.hypot(torch.fft.fftfreq(rows)[:, None], torch.fft.rfftfreq(cols)).clamp(min=1 / max(rows, cols))
+    frequency = frequency.to(like)
+    common = _of_neighbours(frequency * (noise.conj() * answer).real)
+    spectrum = common / _of_neighbours(noise.abs().square()) / frequency
+    positive: Tensor = spectrum.clamp(min=LOWEST * float(spectrum.median()))
     return positive
 
 
-def _response(A: AnyProjector, like: Tensor, place: tuple[int, int]) -> Image | Volume:
-    """Return AᵀA of a point, turned to element 0; the place is in thirds of the image from its middle."""
-    shape = A.domain_shape
-    of_axes = (0,) * (len(shape) - 2) + place
-    middle = tuple(side // 2 + part * side // 3 for side, part in zip(shape, of_axes, strict=True))
-    point = like.new_zeros(shape)
-    point[middle] = 1.0
-    return torch.roll(A.adjoint(A(point)), [-each for each in middle], A.domain_dims)
-
-
-def _around_the_axis(spectrum: Tensor, shape: Shape) -> Tensor:
-    """Return the means over rings of one frequency in the plane, of the half of a spectrum that rfftn gives."""
-    rows, cols = (torch.fft.fftfreq(shape[-2])[:, None], torch.fft.rfftfreq(shape[-1]))
-    ring = (torch.hypot(rows, cols) * max(shape[-2:])).round().long().to(spectrum.device)
-    number = ring.flatten()
-    sums = spectrum.new_zeros(shape[0], int(ring.max()) + 1).index_add(1, number, spectrum.flatten(1))
-    return (sums / number.bincount())[:, ring]
-
-
-def _triangle(length: int, like: Tensor) -> Tensor:
-    """Return a triangle around element 0 of a circle, whose spectrum is nowhere negative."""
-    number = torch.arange(length, dtype=like.dtype, device=like.device)
-    return 1 - 2 * torch.minimum(number, length - number) / length
+def _of_neighbours(spectrum: Tensor) -> Tensor:
+    """Return means over squares of neighbouring frequencies in the plane."""
+    planes = spectrum.reshape(-1, 1, *spectrum.shape[-2:])
+    return functional.avg_pool2d(planes, NEIGHBOURS, stride=1, padding=NEIGHBOURS // 2).reshape(spectrum.shape)
 
 
 def _levels(scaled: Image | Volume, seen: Tensor, levels: int) -> tuple[Tensor, list[Image | Volume]]:

@@ -160,7 +160,7 @@ def test_a_fit_of_the_noise_makes_t_small_and_its_threshold_with_it() -> None:
     )
     assert threshold < 2.5
     found = score_test(image + 0.12 * disc(12.0), data, PROJECTOR, diameter=12.0).strongest_within(SLICE.inside)
-    assert threshold < abs(found.t) < 4
+    assert threshold < abs(found.t) < 4.5
     assert math.dist(found.position, PLACE) <= 6.0
 
 
