@@ -17,6 +17,7 @@ from types import CodeType, ModuleType
 from typing import Any, get_args
 
 import pytest
+import tyro  # noqa: F401  it looks at all builtins as it is imported, and a doctest leaves its last value there
 from beartype import BeartypeConf, beartype
 from jaxtyping import AbstractArray, config, jaxtyped
 
