@@ -22,7 +22,7 @@ from pnpct.operators import Projector
 from pnpct.physics import Scan, Sinogram, simulate_counts, take_log
 from pnpct.reconstruction import mean_diagonal
 from pnpct.reconstruction.fourier import fourier_preconditioner
-from pnpct.reconstruction.normal_equations import Operator, conjugate_gradient
+from pnpct.reconstruction.normal_equations import NormalOperator, Operator, conjugate_gradient
 from pnpct.reconstruction.one_step import normal_matrix
 from pnpct.reconstruction.sparse_cholesky import inverse_factor
 from reference_scans import chest
@@ -84,10 +84,7 @@ def compare(world: str, beta: float, *, over: str, factor: bool, dense: bool) ->
     sinogram, A, image = pelvis(128) if world == "pelvis 128" else catsim_chest()
     scale = mean_diagonal(sinogram, A) if over == "object" else circle_mean(sinogram, A)
     penalty, W = (beta * scale).reshape(1, 1), sinogram.weights
-
-    def H(x: Image) -> Image:
-        return A.T(W(A(x))) + penalty * x
-
+    H = NormalOperator(A, W, penalty)
     v = image + 0.018 * torch.randn(image.shape, generator=torch.Generator().manual_seed(1))
     b = A.T(W(sinogram.line_integrals)) + penalty * v
     fourier = fourier_preconditioner(sinogram, A)(penalty)
