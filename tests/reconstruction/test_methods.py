@@ -49,10 +49,11 @@ def network() -> LearnedDenoiser:
 
 
 def iterates(sinogram: Sinogram, A: Projector, denoise, number: int) -> list[torch.Tensor]:
-    balanced, last = balanced_sigma_v(sinogram, A), PlugAndPlay.sigma_v
+    start, last = starting_state(sinogram, A), PlugAndPlay.sigma_v
+    balanced = balanced_sigma_v(sinogram, A, start.v)
     sigma_v = falling(balanced.maximum((3 * balanced).clamp(max=3 * last)), last)
     denoise = around_network(denoise, A.grid.spacing)
-    states = pnp_admm(sinogram, A, denoise, starting_state(sinogram, A), sigma_v=sigma_v, damping=PlugAndPlay.damping)
+    states = pnp_admm(sinogram, A, denoise, start, sigma_v=sigma_v, damping=PlugAndPlay.damping)
     return [state.v for state in itertools.islice(states, number)]
 
 
@@ -90,7 +91,8 @@ def test_at_low_dose_sigma_v_falls_to_what_was_asked_for(sinogram, A, monkeypatc
     """From the balance of data and prior, if that is more than three times the last one; the fixed point is that of
     the end, since the dual variable β u stays."""
     weak = Sinogram(sinogram.line_integrals, DiagonalWeights(sinogram.weights.diagonal / 100))
-    begun, solver = float(balanced_sigma_v(weak, A)), []
+    start, damping = starting_state(weak, A), PlugAndPlay.damping
+    begun, solver = float(balanced_sigma_v(weak, A, start.v)), []
     last = 0.3 * begun
 
     def recorded(_sinogram, _A):
@@ -101,7 +103,6 @@ def test_at_low_dose_sigma_v_falls_to_what_was_asked_for(sinogram, A, monkeypatc
     blur = Gaussian(0.7)
     made = PlugAndPlay(blur, sigma_v=last, iterations=20, stop="never")(weak, A).image
     assert solver == pytest.approx([begun, 0.6 * begun, 0.36 * begun, *17 * [last]], rel=1e-5)
-    start, damping = starting_state(weak, A), PlugAndPlay.damping
     from_there = itertools.islice(pnp_admm(weak, A, blur, start, sigma_v=last, damping=damping), 39, None)
     assert float((made - next(from_there).v).square().mean().sqrt()) < 1e-3
 

@@ -69,14 +69,14 @@ class NormalOperator(LinearOperator):
 def mean_diagonal(sinogram: Sinogram, A: AnyProjector, first: Image | Volume | None = None) -> Tensor:
     """Return the mean of the diagonal of AᵀWA over the object: what the data of each image count in a pixel.
 
-    The object is what exceeds 0.3 of water in a smooth FBP image; outside it the weights of rays through air would
+    The object is what exceeds 0.3 of water in a first image; outside it the weights of rays through air would
     dominate. If nothing does, the mean is over the whole image. In a volume it is over the middle half of the slices:
     those at its ends are met by fewer rays.
 
     Args:
         sinogram: Its weights are W.
         A: The projector.
-        first: A first image, in which the object is found in a cone beam; in a fan beam FBP finds it.
+        first: A first image, in which the object is found; of a fan beam it may be None, a smooth FBP image.
 
     Returns:
         1 over the square of attenuation relative to water, shape (*batch, 1, 1), or with one more of a volume.
@@ -84,16 +84,16 @@ def mean_diagonal(sinogram: Sinogram, A: AnyProjector, first: Image | Volume | N
     Raises:
         ValueError: If a cone beam comes without a first image.
     """
+    if first is None:
+        if not isinstance(A, Projector):
+            raise ValueError("The object in a cone beam is found in a first image; give one.")
+        first = fbp(sinogram.line_integrals, A, kernel="soft")
     diagonal = A.gram_diagonal(sinogram.weights.diagonal)
-    if isinstance(A, Projector):
-        smooth = fbp(sinogram.line_integrals, A, kernel="soft")
-    elif first is not None:
+    if not isinstance(A, Projector):
         end = A.grid.slices // 4
         middle = slice(end, A.grid.slices - end)
-        diagonal, smooth = diagonal[..., middle, :, :], first[..., middle, :, :]
-    else:
-        raise ValueError("The object in a cone beam is found in a first image; give one.")
-    inside = smooth > OBJECT
+        diagonal, first = diagonal[..., middle, :, :], first[..., middle, :, :]
+    inside = first > OBJECT
     inside = inside | ~inside.any(dim=A.domain_dims, keepdim=True)
     diagonal = diagonal.expand(inside.shape)
     return (diagonal * inside).sum(A.domain_dims, keepdim=True) / inside.sum(A.domain_dims, keepdim=True)

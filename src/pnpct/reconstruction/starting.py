@@ -25,7 +25,7 @@ STRENGTH = 1.5
 IN_SPACE = 0.4
 """Of that strength in space, where pixels have neighbours in three directions."""
 
-FIRST_ITERATIONS = 5
+FIRST_ITERATIONS = 4
 """Iterations around total variation, at half the resolution, before a network sees an image."""
 
 FROM_NOTHING = 20
@@ -39,6 +39,9 @@ BONE = (1.1, 1.3)
 
 TOLERANCE = 1e-3
 """Of the proximal map, image: 1 HU."""
+
+FIRST_TOLERANCE = 3e-3
+"""The same at half the resolution: noise hides what is left."""
 
 FAR_APART = 7.0
 """Pixels between neighbouring views at the border of the field of view, beyond which FBP has too many streaks to begin
@@ -83,7 +86,7 @@ def starting_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
     coarse = ADMMState.start(halved(smooth.v))
     half = at_half_resolution(sinogram, A)
     # A pixel of four has 8 times the certainty of one, and edges count half as many pixels.
-    states = around_total_variation(*half, coarse, strength=STRENGTH / 2**0.5)
+    states = around_total_variation(*half, coarse, strength=STRENGTH / 2**0.5, tolerance=FIRST_TOLERANCE)
     piecewise = _after(FROM_NOTHING if A.geometry.limited_angle else FIRST_ITERATIONS, states)
     missing = doubled(piecewise - coarse.v, A.grid.shape[-2:])
     metal = (piecewise > DENSEST).any(dim=A.domain_dims, keepdim=True)
@@ -114,7 +117,13 @@ def far_apart(A: AnyProjector) -> bool:
 
 
 def around_total_variation(
-    sinogram: Sinogram, A: AnyProjector, start: ADMMState, *, strength: float, across: float | None = None
+    sinogram: Sinogram,
+    A: AnyProjector,
+    start: ADMMState,
+    *,
+    strength: float,
+    across: float | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Iterator[ADMMState]:
     """Yield the iterates whose limit has the least ½ ‖A x − y‖²_W + λ · TV(x), λ = strength / σ, for ever.
 
@@ -130,17 +139,19 @@ def around_total_variation(
         strength: Pixels, ≥ 0.
         across: Weight of differences between slices in TV, as of `TotalVariation`. None leaves each slice on its own;
             of a cone beam it is total variation in space, with `IN_SPACE` of the strength.
+        tolerance: Of the proximal map, image.
     """
     if across is None and isinstance(A, ConeProjector):
         across, strength = A.grid.plane.spacing / A.grid.slice_spacing, IN_SPACE * strength
     across = across or 0.0
-    noise = balanced_sigma_v(sinogram, A, start.v)
+    from_nothing = isinstance(A, Projector) and A.geometry.limited_angle
+    noise = balanced_sigma_v(sinogram, A, None if from_nothing else start.v)
     if across and isinstance(A, Projector) and noise.ndim > 2:  # the proximal map of a volume has one strength
         noise = noise.mean(-3, keepdim=True).expand_as(noise)
     sigma_v = noise.clamp(max=2 * SIGMA_V)
     # λ σ_v² = strength · q: and the proximal map of an image with that is q times the one of image/q with the strength.
     q = sigma_v.square() / noise / 1000
-    denoise = TotalVariation(strength, tolerance=TOLERANCE / float(q.max()), across=across)
+    denoise = TotalVariation(strength, tolerance=tolerance / float(q.max()), across=across)
     return pnp_admm(sinogram, A, possible(lambda image: q * denoise(image / q), A), start, sigma_v=sigma_v)
 
 
