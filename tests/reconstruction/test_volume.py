@@ -8,9 +8,10 @@ import torch
 from ellipsoid_chords import MU_WATER, chords
 
 from pnpct.denoisers import TotalVariation
-from pnpct.geometry import ConeBeam, Detector, ImageGrid, TiltedPlanes, Trajectory, VolumeGrid
+from pnpct.geometry import ConeBeam, Detector, ImageGrid, Plane, TiltedPlanes, Trajectory, VolumeGrid
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import FBP, PlugAndPlay, covered_slices, reconstruct_volume
+from pnpct.reconstruction.volume import _at
 
 FEED = 20.0
 TURN = 2 * math.pi
@@ -105,6 +106,17 @@ def test_slices_do_not_depend_on_where_one_begins_or_on_the_slab(helix_rays):
     circle = chords(CIRCLE, BODY, BALL)
     low = replace(STACK, z=3.0)
     assert torch.equal(volume_of(circle, CIRCLE, low, first=2), volume_of(circle, CIRCLE, low)[2:])
+
+
+@pytest.mark.parametrize(("planes", "degree"), [(7, 3), (4, 3), (3, 2), (2, 1), (1, 0)])
+def test_between_planes_is_the_cubic_or_what_fewer_planes_allow(planes, degree):
+    points = np.meshgrid(PLANE.x, PLANE.y)
+    tilted = [Plane(0.4 * z, slope=(0.004 * math.cos(0.3 * z), 0.004 * math.sin(0.3 * z))) for z in range(planes)]
+    images = [torch.from_numpy((plane.heights(*points) - 1.1) ** degree) for plane in tilted]
+    low, high = tilted[0].heights(*points), tilted[-1].heights(*points)
+    for height in (0.3, 1.15, 1.4):
+        made = _at(height, list(zip(tilted, images, strict=True)), PLANE).numpy()
+        np.testing.assert_allclose(made, (np.clip(height, low, high) - 1.1) ** degree, atol=1e-9)
 
 
 def test_a_batch_of_scans_is_each_of_them(helix_rays):
