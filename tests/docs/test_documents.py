@@ -21,7 +21,7 @@ DOCUMENTS = {str(path.relative_to(ROOT)): path for path in sorted([*ROOT.glob("*
 QUICK = "--iterations 1 --tv-strength 0 --lesion-hu 0 --phantom-repeats 0 --processes 1"
 SMALL = {
     "simulate scan": "--size 64 --views 48 --bins 60",
-    "simulate dataset patients": "--size 64 --views 48 --bins 60 --tube-voltages-kvp 120 --processes 1",
+    "simulate dataset patients": "--size 32 --views 48 --bins 60 --tube-voltages-kvp 120 --processes 1",
     "simulate dataset training": "--size 64 --views 48 --bins 60 --cases 1 --tube-voltages-kvp 100 --processes 1",
     "simulate dataset": "--size 64 --views 48 --bins 60 --processes 1",
     "reconstruct patient.h5": "--iterations 2 --size 32",
