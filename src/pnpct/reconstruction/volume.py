@@ -63,8 +63,8 @@ def reconstruct_volume(
 
     At any time each process has in memory the rays of three quarters of a turn (of all views, of an axial scan), 16
     projectors, which all turns share (twice as many where bone is corrected), and what the method needs for one group
-    of planes; this one has the images of the planes around a slice (16 at 20 mm a turn), and those that wait for one
-    before them. With 984 x 900 rays a turn in 32 rows and 512 x 512 pixels that is about 170 + 400 + 16 MB, whatever
+    of planes; this one has the images of the planes around a slice (15 at 20 mm a turn), and those that wait for one
+    before them. With 984 x 900 rays a turn in 32 rows and 512 x 512 pixels that is about 170 + 400 + 15 MB, whatever
     the number of slices.
 
     Args:
