@@ -7,6 +7,7 @@ from pnpct.arrays import Image
 from pnpct.operators import LinearOperator
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.normal_equations import (
+    GRADIENT_TOLERANCE,
     INNER_ITERATIONS,
     MOST_INNER_ITERATIONS,
     TOLERANCE,
@@ -108,3 +109,16 @@ def test_each_image_of_a_batch_stops_on_its_own() -> None:
         H = Diagonal(both.spectrum[number])
         alone, _ = conjugate_gradient(H, b[number], zero[number], zero[number], iterations=1, most=50, tolerance=1e-3)
         torch.testing.assert_close(together[number], alone)
+
+
+def test_the_gradient_of_a_solution_is_a_solution_of_the_same_equations(hard: Diagonal) -> None:
+    b, penalty = torch.ones(8, 8, dtype=torch.float64), torch.full((1, 1), 40.0, dtype=torch.float64)
+    A = Diagonal(hard.spectrum.sqrt() * NOISE)
+    solve = warm_started(of_noise(NOISE), A, INNER_ITERATIONS)
+    right = b.clone().requires_grad_()
+    x = solve(right, penalty, torch.zeros_like(b))
+    assert solve(b, penalty, x.detach()).requires_grad is False
+    downhill = torch.linspace(1, 2, 64, dtype=torch.float64).reshape(8, 8)
+    (x * downhill).sum().backward()
+    assert right.grad is not None
+    assert residual(Diagonal(hard.spectrum + 40.0), downhill, right.grad) < GRADIENT_TOLERANCE

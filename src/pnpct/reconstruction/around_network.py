@@ -1,6 +1,7 @@
 """What plug-and-play puts around a network: mirrors, a little total variation, and the mean of two mirrors."""
 
 import itertools
+from collections.abc import Sequence
 
 from torch import Tensor
 
@@ -43,15 +44,30 @@ def around_network(denoise: Denoise, spacing: float) -> Denoise:
     network = _network_in(denoise)
     if network is None:
         return denoise
-    flat = TotalVariation(strength_behind(spacing), tolerance=_TOLERANCE)
     # A map of noise levels belongs to the pixels as they are.
-    mirrors = itertools.cycle([()] if isinstance(network.noise_level, Tensor) else MIRRORS)
+    return mirrored(denoise, spacing, ((),) if isinstance(network.noise_level, Tensor) else MIRRORS)
 
-    def mirrored(image: Image) -> Image:
-        axes = next(mirrors)
-        return flat(denoise(image.flip(axes)).flip(axes))
 
-    return mirrored
+def mirrored(denoise: Denoise, spacing: float, mirrors: Sequence[tuple[int, ...]] = MIRRORS) -> Denoise:
+    """Return a denoiser that sees the image mirrored another way each time, with a little total variation behind it.
+
+    What total variation takes away has no gradient.
+
+    Args:
+        denoise: The denoiser.
+        spacing: Of the pixels, mm.
+        mirrors: The axes along which the image is mirrored, in turn.
+    """
+    flat = TotalVariation(strength_behind(spacing), tolerance=_TOLERANCE)
+    turns = itertools.cycle(mirrors)
+
+    def denoise_mirrored(image: Image) -> Image:
+        axes = next(turns)
+        denoised = denoise(image.flip(axes)).flip(axes)
+        flattened = flat(denoised)
+        return denoised + (flattened - denoised).detach() if denoised.requires_grad else flattened
+
+    return denoise_mirrored
 
 
 def strength_behind(spacing: float) -> float:

@@ -58,9 +58,10 @@ def iterated(
     sinogram, A = whole.sinogram, whole.A
     states = until(method.states(sinogram, A, start), start, A, iterations=method.iterations, stop=method.stop)
     done, last = 0, deque[Image | Volume](maxlen=mean_of)
-    for state in progress(states, method.iterations):
-        done += 1
-        last.append(state.v)
+    with torch.no_grad():
+        for state in progress(states, method.iterations):
+            done += 1
+            last.append(state.v)
     if not done:
         raise ValueError("ADMM has no image without an iteration.")
     stopped_by = method.stop if done < method.iterations else "iterations"

@@ -10,6 +10,7 @@ from typing_extensions import override
 
 from pnpct.arrays import Image, Volume
 from pnpct.operators import AnyProjector, LinearOperator, Projector
+from pnpct.operators.gradients import linear
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 
@@ -36,6 +37,9 @@ TOLERANCE = 0.1
 In that norm the square of the noise is the number of pixels, and that of the image Σ w y²: an image of little noise is
 solved more exactly than one of much.
 """
+
+GRADIENT_TOLERANCE = 0.15
+"""Residual of a gradient that is small enough, relative to what it is a solution for."""
 
 OBJECT = 0.3
 """What attenuates more than this part of water belongs to the object."""
@@ -185,7 +189,8 @@ def warm_started(
     """Make a solver that takes a few conjugate-gradient steps from the given image.
 
     It takes more, up to `MOST_INNER_ITERATIONS`, while the error exceeds `TOLERANCE`. If it begins from the image it
-    answered last, AᵀWA of it is known: one product in each data step is saved, for whatever β.
+    answered last, AᵀWA of it is known: one product in each data step is saved, for whatever β. The gradient with
+    respect to b is a solution of the same equations, to `GRADIENT_TOLERANCE`.
 
     Args:
         sinogram: Its weights are W.
@@ -204,22 +209,41 @@ def warm_started(
     answered: list[Image | Volume] = []  # x and AᵀWA x
     prepared: list[Any] = []  # β and its M⁻¹
 
-    def solve(b: Image, beta: Tensor, x: Image | Volume) -> Image | Volume:
+    def solve(b: Image | Volume, beta: Tensor, x: Image | Volume) -> Image | Volume:
         H = NormalOperator(A, W, beta)
         if preconditioner and not (prepared and torch.equal(prepared[0], beta)):
             prepared[:] = [beta, preconditioner(beta)]
-        x, Hx = conjugate_gradient(
-            H,
-            b,
-            x,
-            answered[1] + beta * x if answered and answered[0] is x else H(x),
-            iterations=iterations,
-            most=MOST_INNER_ITERATIONS,
-            tolerance=tolerance,
-            precondition=prepared[1] if preconditioner else None,
-        )
-        answered[:] = [x, Hx - beta * x]
-        return x
+        precondition = prepared[1] if preconditioner else None
+
+        def better(b: Image | Volume) -> Image | Volume:
+            known = answered and answered[0] is x
+            result, Hx = conjugate_gradient(
+                H,
+                b,
+                x.detach(),
+                answered[1] + beta * x.detach() if known else H(x.detach()),
+                iterations=iterations,
+                most=MOST_INNER_ITERATIONS,
+                tolerance=tolerance,
+                precondition=precondition,
+            )
+            answered[:] = [result, Hx - beta * result]
+            return result
+
+        def gradient(of_x: Image | Volume) -> Image | Volume:
+            nothing, most = torch.zeros_like(of_x), MOST_INNER_ITERATIONS
+            return conjugate_gradient(
+                H,
+                of_x,
+                nothing,
+                nothing,
+                iterations=1,
+                most=most,
+                tolerance=GRADIENT_TOLERANCE,
+                precondition=precondition,
+            )[0]
+
+        return linear(b, better, gradient)
 
     return solve
 

@@ -81,6 +81,8 @@ def pnp_admm(
 ) -> Iterator[ADMMState]:
     """Yield the iterates of plug-and-play ADMM, for ever; the caller's loop says when to stop.
 
+    Where gradients are recorded and D has them, they pass through all iterates.
+
     Args:
         sinogram: Line integrals y and weights W.
         A: The projector.
@@ -110,11 +112,10 @@ def pnp_admm(
 
     x, v, u = state.x, state.v, state.u
     while True:
-        with torch.no_grad():
-            u = u * (before / beta)
-            x = solve(AtWy + beta * (v - u), beta, x)  # (4a), (5)
-            v = denoise(x + u)  # (4b), (6)
-            u = (1 - damping) * (u + x - v)  # (4c)
+        u = u * (before / beta)
+        x = solve(AtWy + beta * (v - u), beta, x)  # (4a), (5)
+        v = denoise(x + u)  # (4b), (6)
+        u = (1 - damping) * (u + x - v)  # (4c)
         yield ADMMState(x, v, u)
         before, beta = beta, penalty_of(next(of_iterations)).to(y)
 
