@@ -14,7 +14,15 @@ from pnpct.operators import Projector
 from pnpct.physics import Scan, simulate_counts, take_log
 from pnpct.reconstruction import PlugAndPlay, fbp, starting_state
 from pnpct.reconstruction.around_network import MIRRORS
-from pnpct.training import FBPImages, LoopImages, SplitViewPairs, mean_squared_error, train, view_subset_images
+from pnpct.training import (
+    FBPImages,
+    LoopImages,
+    SplitViewPairs,
+    mean_squared_error,
+    on_pairs,
+    train,
+    view_subset_images,
+)
 from pnpct.training.images import SIGMAS_V
 
 MU_WATER = 0.0193
@@ -83,7 +91,7 @@ def test_a_network_that_learns_from_a_noisy_scan_alone_comes_closer_to_the_truth
     torch.manual_seed(0)
     D = RDNCBAM(RDNSize(features=8, growth=8, blocks=1, convolutions=2))
     options = {"epochs": 1, "pairs_per_epoch": 360, "batch": 4, "micro_batch": 4, "learning_rate": 3e-3}
-    list(train(D, pairs, stage="single-scan", loss=mean_squared_error, **options))
+    list(train(D, on_pairs(pairs, mean_squared_error), stage="single-scan", **options))
     image = FBPImages()(noisy, grid)
     with torch.no_grad():
         errors = [float((each - truth).square().mean().sqrt()) for each in (image, D(image[None])[0])]

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pnpct.denoisers import RDNCBAM, RDNSize
-from pnpct.training import Epoch, Pair, mean_squared_error, train, two_stage
+from pnpct.training import Epoch, Pair, mean_squared_error, on_pairs, train, two_stage
 
 TINY = RDNSize(features=4, growth=4, blocks=1, convolutions=2)
 
@@ -72,13 +72,13 @@ def test_a_noise_conditioned_network_learns_from_the_noise_level() -> None:
 
     torch.manual_seed(1)
     D = RDNCBAM(TINY, noise_input=True)
-    first, *_, last = train(D, Levelled(0.01), stage="supervised", loss=mean_squared_error, epochs=6, **OPTIONS)
+    first, *_, last = train(D, on_pairs(Levelled(0.01), mean_squared_error), stage="supervised", epochs=6, **OPTIONS)
     assert last.loss < first.loss
     image = Noise(0.1)(0).input[None]
     with torch.no_grad():
         assert not torch.equal(D(image, 0.1), D(image, 0.01))
     with pytest.raises(ValueError, match="have no noise level"):
-        next(train(D, Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=1, **OPTIONS))
+        next(train(D, on_pairs(Noise(0.1), mean_squared_error), stage="supervised", epochs=1, **OPTIONS))
 
 
 def test_a_loss_that_diverges_ends_the_training_with_a_sentence() -> None:
@@ -86,9 +86,8 @@ def test_a_loss_that_diverges_ends_the_training_with_a_sentence() -> None:
         list(
             train(
                 network(),
-                Noise(0.1),
+                on_pairs(Noise(0.1), mean_squared_error),
                 stage="supervised",
-                loss=mean_squared_error,
                 epochs=3,
                 **{**OPTIONS, "learning_rate": 1e30},
             )
@@ -107,7 +106,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(done: int) -> None:
 
 def test_the_learning_rate_rises_to_its_highest_and_falls_to_zero() -> None:
     options = {**OPTIONS, "pairs_per_epoch": 4}  # an epoch is a step
-    epochs = train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=40, **options)
+    epochs = train(network(), on_pairs(Noise(0.1), mean_squared_error), stage="supervised", epochs=40, **options)
     rates = [epoch.optimizer["param_groups"][0]["lr"] for epoch in epochs]
     assert rates[0] == pytest.approx(1.5e-3)
     assert rates[1] == pytest.approx(3e-3, rel=0.01)
@@ -118,7 +117,7 @@ def test_the_learning_rate_rises_to_its_highest_and_falls_to_zero() -> None:
 
 def test_the_network_has_the_average_of_the_latest_weights() -> None:
     D = network()
-    *_, before, last = train(D, Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=30, **OPTIONS)
+    *_, before, last = train(D, on_pairs(Noise(0.1), mean_squared_error), stage="supervised", epochs=30, **OPTIONS)
     assert all(torch.equal(value, last.weights[name]) for name, value in D.state_dict().items())
     change, change_of_average = (
         sum(float((getattr(last, of)[name] - value).square().sum()) for name, value in getattr(before, of).items())
@@ -132,7 +131,7 @@ def test_the_network_has_the_average_of_the_latest_weights() -> None:
 def test_numbers_that_cannot_be_are_refused() -> None:
     def begin(**changes: object) -> None:
         options = {**OPTIONS, "epochs": 1, **changes}
-        next(train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, **options))
+        next(train(network(), on_pairs(Noise(0.1), mean_squared_error), stage="supervised", **options))
 
     with pytest.raises(ValueError, match="batches of 3"):
         begin(batch=3)
@@ -142,6 +141,6 @@ def test_numbers_that_cannot_be_are_refused() -> None:
         next(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(3, 0), **OPTIONS))
     with pytest.raises(ValueError, match="learning rate"):
         begin(learning_rate=0.0)
-    epoch = next(train(network(), Noise(0.1), stage="supervised", loss=mean_squared_error, epochs=1, **OPTIONS))
+    epoch = next(train(network(), on_pairs(Noise(0.1), mean_squared_error), stage="supervised", epochs=1, **OPTIONS))
     with pytest.raises(ValueError, match=r"Epoch 1 of .* cannot be continued by .* fine-tuning"):
         list(two_stage(network(), Noise(0.1), Noise(0.1), epochs=(1, 1), after=epoch, **OPTIONS))

@@ -20,6 +20,7 @@ from pnpct.training.losses import (
 from pnpct.training.methods import METHODS, SingleScan, Supervised, TwoStage
 from pnpct.training.own_images import ImagePairs, NeighbouringSlices, SlicePairs
 from pnpct.training.pairs import Pair, Pairs
+from pnpct.training.pairwise import on_pairs
 from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.processes import from_first, joined_processes
 from pnpct.training.single_scan import SplitViewPairs
@@ -57,6 +58,7 @@ __all__ = [
     "from_first",
     "joined_processes",
     "mean_squared_error",
+    "on_pairs",
     "ssim_loss",
     "stage_one_loss",
     "stage_two_loss",

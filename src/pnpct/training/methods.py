@@ -33,6 +33,7 @@ from pnpct.training.losses import (
 )
 from pnpct.training.own_images import ImagePairs, NeighbouringSlices
 from pnpct.training.pairs import Pairs
+from pnpct.training.pairwise import on_pairs
 from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.single_scan import SplitViewPairs
 from pnpct.training.two_stage import Epoch, train, two_stage
@@ -110,8 +111,8 @@ class Supervised(Schedule):
 
     def _stages(self, network: nn.Module, pairs: Callable[..., Pairs]) -> tuple[Callable[..., Iterator[Epoch]], int]:
         dosed = pairs(kind="dose", seed=self.seed + 1)
-        options = {"stage": "supervised", "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
-        return partial(train, network, dosed, **options), self.epochs
+        losses = on_pairs(dosed, mean_squared_error, bfloat16=self.bfloat16)
+        return partial(train, network, losses, stage="supervised", epochs=self.epochs, **self.steps()), self.epochs
 
     def examples_from(self, data: Path, split: Split, *, device: torch.device = CPU) -> Examples | CachedExamples:
         """Return the examples of one part of the data sets, by number.
@@ -188,7 +189,7 @@ class TwoStage(Supervised):
             contrast_weight=self.contrast_weight,
         )
         epochs = self.epochs, self.fine_tuning_epochs
-        options = {"epochs": epochs, "losses": (stage_one_loss, second), **self.steps()}
+        options = {"epochs": epochs, "losses": (stage_one_loss, second), "bfloat16": self.bfloat16, **self.steps()}
         return partial(two_stage, network, noisy, dosed, **options), sum(epochs)
 
 
@@ -218,8 +219,9 @@ class SingleScan(Schedule):
                 "A noise-conditioned network cannot learn from a single scan, since its noise is not known."
             )
         pairs = SplitViewPairs(view_subset_images(scan, grid, self.parts), self.seed, side=self.side)
-        options = {"stage": "single-scan", "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
-        return TrainingPlan(partial(train, network, pairs, **options), self.epochs, dict, finest_pixel=grid.spacing)
+        losses = on_pairs(pairs, mean_squared_error, bfloat16=self.bfloat16)
+        options = {"stage": "single-scan", "epochs": self.epochs, **self.steps()}
+        return TrainingPlan(partial(train, network, losses, **options), self.epochs, dict, finest_pixel=grid.spacing)
 
 
 METHODS: dict[str, type[Supervised | SingleScan | NeighbouringSlices]] = {

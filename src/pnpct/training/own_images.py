@@ -18,6 +18,7 @@ from pnpct.files.series_input import SUFFIXES
 from pnpct.training.augmentation import change_alike
 from pnpct.training.losses import mean_squared_error
 from pnpct.training.pairs import Pair
+from pnpct.training.pairwise import on_pairs
 from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.two_stage import Stage, train
 from pnpct.units import from_hu, to_hu
@@ -132,9 +133,10 @@ class NeighbouringSlices(Schedule):
         of = self.patients(folder)
         pairs = self._pairs(of["train"], augment=True, side=self.side)
         held_out = self._pairs(of["validation"], augment=False, side=None)
-        options = {"stage": self._stage(), "loss": mean_squared_error, "epochs": self.epochs, **self.steps()}
+        losses = on_pairs(pairs, mean_squared_error, bfloat16=self.bfloat16)
+        options = {"stage": self._stage(), "epochs": self.epochs, **self.steps()}
         return TrainingPlan(
-            partial(train, network, pairs, **options),
+            partial(train, network, losses, **options),
             self.epochs,
             partial(_validate, network, held_out),
             finest_pixel=min(series.plane.spacing for series in pairs.noisy),

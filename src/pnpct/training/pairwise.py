@@ -1,6 +1,7 @@
 """The loss of a network on each of some pairs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import torch
 from torch import nn
@@ -8,6 +9,22 @@ from torch import nn
 from pnpct.denoisers.noise_level import is_noise_conditioned
 from pnpct.training.losses import LossTerm
 from pnpct.training.pairs import Pair
+
+NumberedPairs: TypeAlias = Callable[[int], Pair]
+"""Pairs by number, as `Pairs` is: the same number is always the same pair."""
+
+
+def on_pairs(
+    pairs: NumberedPairs, loss: LossTerm, *, bfloat16: bool = False
+) -> Callable[[nn.Module, Sequence[int]], torch.Tensor]:
+    """Return the losses of a network on the pairs of some numbers, for `train`.
+
+    Args:
+        pairs: Pairs by number.
+        loss: From output and target to the loss.
+        bfloat16: Whether the network computes in bfloat16 where that is accurate enough.
+    """
+    return lambda D, numbers: pairwise_losses(D, [*map(pairs, numbers)], loss, bfloat16=bfloat16)
 
 
 def pairwise_losses(D: nn.Module, drawn: Sequence[Pair], loss: LossTerm, *, bfloat16: bool) -> torch.Tensor:

@@ -59,7 +59,7 @@ class Schedule:
 
     def steps(self) -> dict[str, Any]:
         """The options of `train`."""
-        names = ("pairs_per_epoch", "batch", "learning_rate", "bfloat16")
+        names = ("pairs_per_epoch", "batch", "learning_rate")
         # Patches are small; whole images fill the memory one by one.
         micro_batch = (1 if self.side is None else self.batch) if self.micro_batch is None else self.micro_batch
         return {**{name: getattr(self, name) for name in names}, "micro_batch": micro_batch}

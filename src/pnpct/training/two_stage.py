@@ -7,7 +7,7 @@ D is the network, v are images. In each stage the learning rate of AdamW rises a
 """
 
 import copy
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -16,13 +16,13 @@ from torch import distributed, nn
 
 from pnpct.training.continuing import load_epoch
 from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
-from pnpct.training.pairs import Pair
-from pnpct.training.pairwise import pairwise_losses
+from pnpct.training.pairwise import NumberedPairs, on_pairs
 from pnpct.training.schedule import BATCH, LEARNING_RATE, average, check_learning_rate, copied_weights, share_of_rate
 
 Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
 """Which pairs an epoch has learnt from, and with which loss."""
-NumberedPairs: TypeAlias = Callable[[int], Pair]  # as `Pairs`: the same number is always the same pair
+Losses: TypeAlias = Callable[[nn.Module, Sequence[int]], torch.Tensor]
+"""From a network and numbers to the loss of what each number stands for: a pair of images, or a scan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,7 @@ def two_stage(
     *,
     epochs: tuple[int, int],
     losses: tuple[LossTerm, LossTerm] = (stage_one_loss, stage_two_loss),
+    bfloat16: bool = False,
     after: Epoch | None = None,
     **options: Any,
 ) -> Iterator[Epoch]:
@@ -64,6 +65,7 @@ def two_stage(
         dosed: Pairs of low and high dose.
         epochs: Epochs of the first and of the second stage.
         losses: Loss of the first and of the second stage.
+        bfloat16: Whether the network computes in bfloat16 where that is accurate enough.
         after: Epoch to continue from; None begins.
         **options: As for `train`.
 
@@ -73,40 +75,38 @@ def two_stage(
     if min(epochs) < 1:  # before the first stage, not after its hours
         raise ValueError(f"Both stages need at least one epoch, got {epochs[0]} and {epochs[1]}.")
     if after is None or after.stage == "noise-to-noise":
-        yield from train(D, noisy, stage="noise-to-noise", loss=losses[0], epochs=epochs[0], after=after, **options)
+        first = on_pairs(noisy, losses[0], bfloat16=bfloat16)
+        yield from train(D, first, stage="noise-to-noise", epochs=epochs[0], after=after, **options)
         after = None
-    yield from train(D, dosed, stage="fine-tuning", loss=losses[1], epochs=epochs[1], after=after, **options)
+    second = on_pairs(dosed, losses[1], bfloat16=bfloat16)
+    yield from train(D, second, stage="fine-tuning", epochs=epochs[1], after=after, **options)
 
 
 def train(
     D: nn.Module,
-    pairs: NumberedPairs,
+    losses: Losses,
     *,
     stage: Stage,
-    loss: LossTerm,
     epochs: int,
     pairs_per_epoch: int,
     batch: int = BATCH,
     micro_batch: int = 1,
     learning_rate: float = LEARNING_RATE,
-    bfloat16: bool = False,
     after: Epoch | None = None,
 ) -> Iterator[Epoch]:
-    """Train a network on numbered pairs, and yield every epoch.
+    """Train a network on what is numbered, pairs mostly, and yield every epoch.
 
     Where `torch.distributed` is up, its processes share each batch, and all take the same steps.
 
     Args:
         D: The network, on its device; its weights change.
-        pairs: Pairs by number; each epoch has numbers of its own.
+        losses: From numbers to losses, such as those `on_pairs`; each epoch has numbers of its own.
         stage: Name of the stage.
-        loss: From output and target to the loss.
         epochs: Epochs in all, those before `after` included.
         pairs_per_epoch: Pairs in an epoch, a multiple of the batch size.
         batch: Pairs of one step of the optimizer, shared out evenly among processes.
         micro_batch: Pairs that pass through the network together, at least 1; more are faster, but take more memory.
         learning_rate: Highest learning rate of AdamW.
-        bfloat16: Whether the network computes in bfloat16 where that is accurate enough.
         after: Epoch to continue from.
 
     Raises:
@@ -133,9 +133,7 @@ def train(
             optimizer.zero_grad()
             mine = range(first + rank, first + batch, world)
             for part in range(0, len(mine), micro_batch):
-                of_part = pairwise_losses(
-                    latest, [*map(pairs, mine[part : part + micro_batch])], loss, bfloat16=bfloat16
-                )
+                of_part = losses(latest, mine[part : part + micro_batch])
                 (of_part.sum() / batch).backward()
                 total += of_part.detach().double().sum()
             for parameter in latest.parameters() if world > 1 else ():
