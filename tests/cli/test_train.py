@@ -235,3 +235,20 @@ def test_processes_that_torchrun_started_have_the_losses_of_one_and_one_writes(
     one, other = (load_network(path).state_dict() for path in (trained, shared))
     for name, value in one.items():
         torch.testing.assert_close(other[name], value, rtol=1e-3, atol=1e-5)
+
+
+def test_a_network_goes_on_through_the_loop(trained: Path, dataset: Path, tmp_path: Path, run) -> None:
+    begin = ("--method", "through-loop", "--begin-with", trained, "--pairs-per-epoch", "2", "--batch", "2")
+    whole, resumed = tmp_path / "whole.safetensors", tmp_path / "resumed.safetensors"
+    status, out, _ = run("train", dataset, whole, *begin, "--epochs", "2", "--reconstructed", "1")
+    assert status == 0
+    assert "reconstructed_body" in out
+    assert [loss["stage"] for loss in said_of(whole)["metrics"]["losses"]] == 2 * ["through-loop"]
+    assert any(
+        not torch.equal(one, other)
+        for one, other in zip(load_network(whole).parameters(), load_network(trained).parameters(), strict=True)
+    )
+    status, _, err = run("train", dataset, resumed, *begin, "--side", "8")
+    assert status == 2
+    assert "side" in err
+    assert not resumed.exists()

@@ -9,7 +9,7 @@ import pytest
 from pnpct.cli.parsing import parse
 from pnpct.cli.train import Train
 from pnpct.cli.training_options import TrainingOptions
-from pnpct.training import METHODS, ImagePairs, NeighbouringSlices, SingleScan, Supervised, TwoStage
+from pnpct.training import METHODS, ImagePairs, NeighbouringSlices, SingleScan, Supervised, ThroughLoop, TwoStage
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -31,7 +31,7 @@ def test_every_option_arrives_in_the_method() -> None:
     given |= {"contrast_weight": 0.2, "examples": 9, "cache": Path("images"), "lowest_ma": 30.0, "highest_ma": 40.0}
     given |= {"reference": "noise-free", "discount": 2.0, "reconstructed": 3}
 
-    def method(words: str) -> Supervised | SingleScan | NeighbouringSlices:
+    def method(words: str) -> Supervised | ThroughLoop | SingleScan | NeighbouringSlices:
         return parse(Train, ["data", "a.safetensors", *words.split()], program="pnpct").chosen_method()
 
     assert method(f"{shared} {words}") == TwoStage(**of_all, **given)
@@ -40,6 +40,9 @@ def test_every_option_arrives_in_the_method() -> None:
     assert method(f"{shared} --bfloat16 --method image-pairs {images}") == ImagePairs(
         **of_all, low="quarter", high="full", validation=("L2", "L3")
     )
+    whole = {"also": (Path("b"),), "examples": 9, "lowest_ma": 30.0, "highest_ma": 40.0, "reconstructed": 3}
+    words = "--epochs 3 --batch 2 --also b --examples 9 --lowest-ma 30 --highest-ma 40 --reconstructed 3"
+    assert method(f"{words} --method through-loop") == ThroughLoop(epochs=3, batch=2, **whole)
     options = {field.name for field in fields(TrainingOptions)}
     assert options == {*of_all, *given, "parts", "low", "high", "validation", "method"}
     assert options == {"method"} | {field.name for kind in METHODS.values() for field in fields(kind)}
@@ -61,13 +64,13 @@ def test_every_option_arrives_in_the_method() -> None:
 )
 def test_options_of_a_data_set_are_refused_for_a_single_scan(tmp_path: Path, run, words: str) -> None:
     name = words.split()[0]
+    shared = name in ("--also", "--examples", "--lowest-ma", "--highest-ma")
+    others = "two-stage or supervised or through-loop" if shared else "two-stage or supervised"
     status, _, err = run(
         "train", tmp_path / "a.h5", tmp_path / "a.safetensors", "--method", "single-scan", *words.split()
     )
     assert status == 2
-    assert err == (
-        f"pnpct: {name} has no effect on --method single-scan, but on two-stage or supervised; leave out one of them.\n"
-    )
+    assert err == f"pnpct: {name} has no effect on --method single-scan, but on {others}; leave out one of them.\n"
 
 
 @pytest.mark.parametrize("method", ["supervised", "single-scan"])

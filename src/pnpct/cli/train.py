@@ -37,13 +37,14 @@ from pnpct.training import (
     NeighbouringSlices,
     SingleScan,
     Supervised,
+    ThroughLoop,
     TrainingPlan,
     from_first,
     joined_processes,
     training_curves,
 )
 
-Method: TypeAlias = Supervised | SingleScan | NeighbouringSlices
+Method: TypeAlias = Supervised | ThroughLoop | SingleScan | NeighbouringSlices
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ class Train(TrainingOptions):
             patients = method.fingerprints(self.data)
         return {"data": sha256(json.dumps(patients).encode()).hexdigest(), "patients": patients}
 
-    def _fingerprint(self, method: Supervised | SingleScan) -> str:
+    def _fingerprint(self, method: Supervised | ThroughLoop | SingleScan) -> str:
         """The SHA-256 of the data set's manifest, or of the scan."""
         if isinstance(method, SingleScan):
             if self.data.is_dir():

@@ -14,6 +14,7 @@ from pnpct.training import (
     Reference,
     SingleScan,
     Supervised,
+    ThroughLoop,
     TwoStage,
 )
 
@@ -23,11 +24,12 @@ class TrainingOptions:
     """The method and its options; None where not given, for options that have no effect on some methods.
 
     Args:
-        method: two-stage is Noise2Noise, then fine-tuning on dose pairs; supervised uses dose pairs alone; single-scan
-            is Noise2Inverse between subsets of the views of one scan; image-pairs uses low- and high-dose images of
+        method: two-stage is Noise2Noise, then fine-tuning on dose pairs; supervised uses dose pairs alone; through-loop
+            goes on with a trained network by the images that plug-and-play ends with around it; single-scan is
+            Noise2Inverse between subsets of the views of one scan; image-pairs uses low- and high-dose images of
             your own patients, neighbouring-slices their low-dose series alone.
         epochs: Epochs of Noise2Noise, or of the only stage.
-        pairs_per_epoch: Pairs per epoch, a multiple of the batch size.
+        pairs_per_epoch: Pairs per epoch, a multiple of the batch size; slices, for through-loop.
         batch: Batch size: pairs per optimizer step.
         side: Rows and columns of the patches.
         learning_rate: Peak learning rate, after a warm-up; from there it falls to zero along a cosine.
@@ -61,7 +63,9 @@ class TrainingOptions:
             shows how it works in the loop.
     """
 
-    method: Literal["two-stage", "supervised", "single-scan", "image-pairs", "neighbouring-slices"] = "two-stage"
+    method: Literal["two-stage", "supervised", "through-loop", "single-scan", "image-pairs", "neighbouring-slices"] = (
+        "two-stage"
+    )
     epochs: int = TwoStage.epochs
     pairs_per_epoch: int = TwoStage.pairs_per_epoch
     batch: int = TwoStage.batch
@@ -82,15 +86,19 @@ class TrainingOptions:
     losses: Annotated[Form | None, option(default=TwoStage.losses)] = None
     texture_weight: Annotated[float | None, option(default=TwoStage.texture_weight)] = None
     contrast_weight: Annotated[float | None, option(default=TwoStage.contrast_weight)] = None
-    examples: Annotated[int | None, option(default=TwoStage.examples)] = None
+    examples: Annotated[int | None, option(default=f"{TwoStage.examples}; through-loop: {ThroughLoop.examples}")] = None
     cache: Annotated[Path | None, option(default="not cached")] = None
-    lowest_ma: Annotated[float | None, option(default=TwoStage.lowest_ma)] = None
-    highest_ma: Annotated[float | None, option(default=TwoStage.highest_ma)] = None
+    lowest_ma: Annotated[
+        float | None, option(default=f"{TwoStage.lowest_ma}; through-loop: {ThroughLoop.lowest_ma}")
+    ] = None
+    highest_ma: Annotated[
+        float | None, option(default=f"{TwoStage.highest_ma}; through-loop: {ThroughLoop.highest_ma}")
+    ] = None
     reference: Annotated[Reference | None, option(default=TwoStage.reference)] = None
     discount: Annotated[float | None, option(default=TwoStage.discount)] = None
     reconstructed: Annotated[int | None, option(default=TwoStage.reconstructed)] = None
 
-    def chosen_method(self) -> Supervised | SingleScan | NeighbouringSlices:
+    def chosen_method(self) -> Supervised | ThroughLoop | SingleScan | NeighbouringSlices:
         """Return the method with the options that were given.
 
         Raises:

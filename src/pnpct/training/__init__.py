@@ -24,6 +24,7 @@ from pnpct.training.pairwise import on_pairs
 from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.processes import from_first, joined_processes
 from pnpct.training.single_scan import SplitViewPairs
+from pnpct.training.through_loop import ThroughLoop
 from pnpct.training.two_stage import Epoch, Stage, train, two_stage
 from pnpct.training.validation import validate
 
@@ -52,6 +53,7 @@ __all__ = [
     "SplitViewPairs",
     "Stage",
     "Supervised",
+    "ThroughLoop",
     "TrainingPlan",
     "TwoStage",
     "contrast_loss",

@@ -36,6 +36,7 @@ from pnpct.training.pairs import Pairs
 from pnpct.training.pairwise import on_pairs
 from pnpct.training.plan import Schedule, TrainingPlan
 from pnpct.training.single_scan import SplitViewPairs
+from pnpct.training.through_loop import ThroughLoop
 from pnpct.training.two_stage import Epoch, train, two_stage
 from pnpct.training.validation import validate
 
@@ -224,9 +225,10 @@ class SingleScan(Schedule):
         return TrainingPlan(partial(train, network, losses, **options), self.epochs, dict, finest_pixel=grid.spacing)
 
 
-METHODS: dict[str, type[Supervised | SingleScan | NeighbouringSlices]] = {
+METHODS: dict[str, type[Supervised | ThroughLoop | SingleScan | NeighbouringSlices]] = {
     "two-stage": TwoStage,
     "supervised": Supervised,
+    "through-loop": ThroughLoop,
     "single-scan": SingleScan,
     "image-pairs": ImagePairs,
     "neighbouring-slices": NeighbouringSlices,

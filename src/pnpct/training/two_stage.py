@@ -19,7 +19,7 @@ from pnpct.training.losses import LossTerm, stage_one_loss, stage_two_loss
 from pnpct.training.pairwise import NumberedPairs, on_pairs
 from pnpct.training.schedule import BATCH, LEARNING_RATE, average, check_learning_rate, copied_weights, share_of_rate
 
-Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan"]
+Stage: TypeAlias = Literal["noise-to-noise", "fine-tuning", "supervised", "single-scan", "through-loop"]
 """Which pairs an epoch has learnt from, and with which loss."""
 Losses: TypeAlias = Callable[[nn.Module, Sequence[int]], torch.Tensor]
 """From a network and numbers to the loss of what each number stands for: a pair of images, or a scan."""
