@@ -29,6 +29,7 @@ def main() -> None:
     (licence,) = {about["licence"] for about in said}
     about = {
         "command": ["python", "runs/mean_of_networks.py", out, *paths],
+        "finest_pixel_mm": max(about.get("finest_pixel_mm") or 0.0 for about in said) or None,  # known to all of them
         "licence": licence,
         "manifest_sha256": said[-1]["manifest_sha256"],
         "metrics": None,
