@@ -139,7 +139,7 @@ def test_a_weak_prior_keeps_what_fbp_can_show_and_the_one_of_least_error_does_no
     """
     fine = low_dose_slice(128)
     data = fine.sinogram()
-    weak, strong = 0.04, 0.08
+    weak, strong = 0.013, 0.03
 
     def tv(strength: float, sinogram: Sinogram) -> torch.Tensor:
         return reconstruct(sinogram, fine.projector, TotalVariation(strength), iterations=30, stop="never")
