@@ -38,7 +38,7 @@ LONG, ITERATIONS = 0.15, 8
 """Share of the loops that are longer than usual, and how many iterations they have: a network must not need the end."""
 
 THROUGH = 3
-"""Of the last so many iterations the gradient is known: it points within 20 degrees of that of all five."""
+"""Of the last so many iterations the gradient is known: it points nearly where that of all five does."""
 
 EVERYWHERE = 0.05
 """Weight of the air around the patient, where nothing else says what a network should do."""
