@@ -123,8 +123,9 @@ def test_what_cannot_be_is_refused(dataset: Path) -> None:
             ThroughLoop(**option)
     with pytest.raises(ValueError, match="noise level is not known"):
         ThroughLoop().plan(RDNCBAM(RDNSize(4, 4, 1, 1), noise_input=True), dataset)
-    with pytest.raises(ValueError, match="at least one slice"):
-        ThroughLoop(examples=0)
+    for option in ({"examples": 0}, {"reconstructed": -1}):
+        with pytest.raises(ValueError, match="at least one slice"):
+            ThroughLoop(**option)
     for files, currents in (([], (1.0, 2.0)), ([dataset], (2.0, 1.0))):
         with pytest.raises(ValueError, match=r"at least one file|positive and rising"):
             LoopScans(files, currents)

@@ -67,7 +67,7 @@ class FBPImages:
         self, scan: Scan, grid: ImageGrid, _: torch.Generator | None = None, /
     ) -> Float[Tensor, "*slices rows cols"]:
         """Return the image of a scan."""
-        A = _projector(grid, scan.geometry, scan.mu_water)
+        A = kept_projector(grid, scan.geometry, scan.mu_water)
         return fbp(corrected_for_bone(take_log(scan), A).line_integrals, A, kernel=self.kernel)
 
 
@@ -134,7 +134,7 @@ class LoopImages:
         self, scan: Scan, grid: ImageGrid, generator: torch.Generator, /
     ) -> Float[Tensor, "number *slices rows cols"]:
         """Return the images of iterations and for a σ_v that are drawn."""
-        A = _projector(grid, scan.geometry, scan.mu_water)
+        A = kept_projector(grid, scan.geometry, scan.mu_water)
         sinogram = corrected_for_bone(take_log(scan), A)
         strength = _evenly_in_logarithm(*STRENGTHS_HU, generator) / 1000
         # As plug-and-play has it, which does not see that there is a network in `watched`.
@@ -163,6 +163,6 @@ def _evenly_in_logarithm(low: float, high: float, generator: torch.Generator) ->
 
 
 @lru_cache(maxsize=8)
-def _projector(grid: ImageGrid, geometry: FanBeam, mu_water: float) -> Projector:
-    """A projector takes longer to make than to use, and a data set has few."""
+def kept_projector(grid: ImageGrid, geometry: FanBeam, mu_water: float) -> Projector:
+    """Return a projector: it takes longer to make than to use, and a data set has few."""
     return Projector(grid, geometry, mu_water=mu_water)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,12 @@ from torch import Tensor
 from pnpct.arrays import Image
 from pnpct.evaluation import soft_tissue_mask
 from pnpct.files import read_exposure, tube_voltages
-from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Exposure, Sinogram, take_log
 from pnpct.physics.exposure import TUBE_VOLTAGE_KVP
 from pnpct.reconstruction import ADMMState, corrected_for_bone, starting_state
+from pnpct.training.images import kept_projector
 
 VIEWS = 492
 """About so many views of a scan are taken, with the dose of all: more would take longer and teach nothing else."""
@@ -91,9 +90,9 @@ class LoopScans:
         geometry, step = exposed.exposure.geometry, max(exposed.exposure.geometry.views // VIEWS, 1)
         views = slice(int(draw.integers(step)), None, step)
         change = drawn_discs(truth, grid.spacing, draw)
-        whole = _projector(grid, geometry, exposed.exposure.mu_water)
+        whole = kept_projector(grid, geometry, exposed.exposure.mu_water)
         exposure = changed(exposed.exposure, change, whole)
-        A = _projector(grid, geometry[views], exposure.mu_water)
+        A = kept_projector(grid, geometry[views], exposure.mu_water)
         low, high = np.log(self.tube_currents_ma)
         louder = (TUBE_VOLTAGE_KVP / voltage) ** 3 * step
         generator = torch.Generator().manual_seed(int(draw.integers(2**62)))
@@ -140,8 +139,3 @@ def changed(exposure: Exposure, change: Image, A: Projector) -> Exposure:
     passed: Float[Tensor, "views bins"] = torch.exp(-(A @ change))
     mean, variance = exposure.moments.signal_mean * passed, exposure.moments.signal_variance * passed
     return replace(exposure, moments=replace(exposure.moments, signal_mean=mean, signal_variance=variance))
-
-
-@lru_cache(maxsize=8)
-def _projector(grid: ImageGrid, geometry: FanBeam, mu_water: float) -> Projector:
-    return Projector(grid, geometry, mu_water=mu_water)

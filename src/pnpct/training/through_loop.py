@@ -68,8 +68,11 @@ class ThroughLoop(Schedule):
     reconstructed: int = 0
 
     def __post_init__(self) -> None:
-        if self.examples < 1:
-            raise ValueError(f"Scans are made of at least one slice, got {self.examples}.")
+        if self.examples < 1 or self.reconstructed < 0:
+            raise ValueError(
+                f"Scans are made of at least one slice, and none or more are reconstructed, got {self.examples} and "
+                f"{self.reconstructed}."
+            )
         if self.side is not None or self.micro_batch is not None or self.bfloat16:
             raise ValueError(
                 "Through the loop a network learns from whole slices, one after another: side, micro_batch and "
@@ -86,7 +89,7 @@ class ThroughLoop(Schedule):
         """Return the training of a network on a data set.
 
         Args:
-            network: The network, on a CPU.
+            network: The network, on its device; the rays stay on the CPU.
             data: Folder of the data set, as `simulate_dataset` makes it.
 
         Raises:
@@ -143,9 +146,10 @@ def reconstructed_around(D: nn.Module, scan: LoopScan, *, sigma_v: float, iterat
 
     def denoise(images: Image) -> Image:
         seen = images.clamp(max=DENSEST)
+        slices = seen.reshape(-1, 1, *seen.shape[-2:]).to(next(D.parameters()).device)
         # One slice after another, each computed again for its gradient: memory is that of one pass of one slice.
-        slices = [checkpoint(D, each[None], use_reentrant=False)[0] for each in seen.reshape(-1, *seen.shape[-2:])]
-        return torch.stack(slices).reshape(images.shape) + (images - seen)
+        denoised = torch.cat([checkpoint(D, each, use_reentrant=False) for each in slices])
+        return denoised.reshape(images.shape).to(images) + (images - seen)
 
     method = PlugAndPlay(mirrored(denoise, scan.A.grid.spacing), sigma_v=sigma_v)
     states = method.states(scan.sinogram, scan.A, scan.start)
