@@ -20,7 +20,7 @@ UNUSED = {
         "rich",
         "skimage.restoration",
     ),
-    *("scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.sparse", "scipy.stats", "sympy"),
+    *("scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.sparse", "scipy.stats", "sympy", "triton"),
     *("xraydb", "pnpct.comparison", "pnpct.evaluation", "pnpct.report", "pnpct.simulation", "pnpct.training"),
 }
 """What filtered back-projection of a slice needs nothing of; together they take longer than all that it does."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import torch
 from torch import nn
-from torch.utils.flop_counter import FlopCounterMode
 
 from pnpct.denoisers.noise_level import is_noise_conditioned
 
@@ -42,6 +41,8 @@ def network_cost(network: nn.Module, rows: int, cols: int) -> NetworkCost:
         >>> network_cost(RDNCBAM(), 512, 512).parameters
         168224
     """
+    from torch.utils.flop_counter import FlopCounterMode  # it loads Triton, and most commands count nothing
+
     with torch.device("meta"):
         image = torch.empty(1, rows, cols)
         inputs = (image, image) if is_noise_conditioned(network) else (image,)
