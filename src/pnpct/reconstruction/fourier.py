@@ -34,6 +34,9 @@ LEVELS = 3
 EVEN = 0.05
 """If the logarithms of the certainties spread by less, one level serves all pixels."""
 
+ENOUGH = 40_000
+"""Pixels of an image, evenly spread, among which the lowest and the highest certainty are found."""
+
 NEIGHBOURS = 9
 """Frequencies, in either direction, over which a spectrum is a mean."""
 
@@ -131,7 +134,9 @@ def _of_neighbours(spectrum: Tensor) -> Tensor:
 
 def _levels(scaled: Image | Volume, seen: Tensor, levels: int) -> tuple[Tensor, list[Image | Volume]]:
     """Return the logarithms of the levels, and for each the square root of its share in each pixel that is seen."""
-    values = scaled[..., seen].flatten().sort().values
+    places = seen.flatten().nonzero().squeeze(-1)
+    some = places[:: max(1, len(places) // ENOUGH)]
+    values = scaled.flatten(-seen.ndim)[..., some].flatten().sort().values
     low, high = (float(values[int(part * (len(values) - 1))]) for part in (0.002, 0.998))
     if levels == 1 or high - low < EVEN:
         return scaled.new_tensor([(low + high) / 2]), [torch.ones_like(scaled)]

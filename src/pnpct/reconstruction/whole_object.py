@@ -88,8 +88,9 @@ def beyond_fan(sinogram: Sinogram, A: Projector) -> Whole:
     before, after = _bins_beyond(geometry)
     if geometry.bins < FITTED or not isinstance(W, DiagonalWeights):
         return Whole(sinogram, A, A.grid)
-    through = _through_object(p)
-    low, high = through[..., 0] & (before > 0), through[..., -1] & (after > 0)
+    end = NEIGHBOURS[1] // 2 + 1  # so many bins decide about the outermost
+    low = _through_object(p[..., :end])[..., 0] & (before > 0)
+    high = _through_object(p[..., -end:])[..., -1] & (after > 0)
     share = float((low | high).double().mean())
     if share <= FEW:
         return Whole(sinogram, A, A.grid)
@@ -118,6 +119,8 @@ def beyond_image(whole: Whole) -> Whole:
     A, grid, geometry = whole.A, whole.A.grid, whole.A.geometry
     p = whole.sinogram.line_integrals
     missing = _mean((A(torch.ones(grid.shape).to(p)) == 0).to(p)) == 1
+    if not bool(missing.any()):
+        return whole
     through = _through_object(p).reshape(-1, *geometry.shape).any(0)
     if float((through & missing).double().mean(0).max()) <= FEW:
         return whole
