@@ -16,7 +16,7 @@ from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Exposure, Sinogram, take_log
 from pnpct.physics.exposure import TUBE_VOLTAGE_KVP
-from pnpct.reconstruction import ADMMState, corrected_for_bone, starting_state
+from pnpct.reconstruction import ADMMState, DenoisedFBP, corrected_for_bone, fbp, starting_state
 from pnpct.training.images import kept_projector
 
 VIEWS = 492
@@ -34,13 +34,15 @@ class LoopScan:
         sinogram: Line integrals and weights of both scans.
         A: The projector.
         start: The state to begin from.
+        filtered: Sharp images of filtered back-projection, which a network alone is given.
         truth: The slice itself.
     """
 
     sinogram: Sinogram
     A: Projector
     start: ADMMState
-    truth: Image
+    filtered: Float[Tensor, "doses rows cols"]
+    truth: Float[Tensor, "rows cols"]
 
     __repr__ = short_repr
 
@@ -104,7 +106,8 @@ class LoopScans:
         weights = torch.stack([each.weights.diagonal for each in logarithms])
         both = replace(logarithms[0], line_integrals=y, weights=DiagonalWeights(weights, A.geometry.shape))
         sinogram = corrected_for_bone(both, A)
-        return LoopScan(sinogram, A, starting_state(sinogram, A), truth + change)
+        filtered = fbp(sinogram.line_integrals, A, kernel=DenoisedFBP.kernel)
+        return LoopScan(sinogram, A, starting_state(sinogram, A), filtered, truth + change)
 
 
 def drawn_discs(truth: Image, spacing: float, draw: np.random.Generator) -> Image:

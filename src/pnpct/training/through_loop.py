@@ -34,11 +34,15 @@ from pnpct.training.two_stage import train
 SIGMAS_V = (50.0, 72.0)
 """Lowest and highest σ_v of a loop, HU, drawn evenly in its logarithm."""
 
-LONG, ITERATIONS = 0.15, 8
-"""Share of the loops that are longer than usual, and how many iterations they have: a network must not need the end."""
+LONG, LONGER = 0.25, (5, 8)
+"""Share of the loops that are longer than usual, and the fewest and most iterations of those: a network must not need
+the end."""
 
 THROUGH = 3
-"""Of the last so many iterations the gradient is known: it points nearly where that of all five does."""
+"""Of the last so many iterations the gradient is known."""
+
+ALONE = 0.2
+"""Weight of the loss of the network alone on an image of FBP, over that of the loop."""
 
 EVERYWHERE = 0.05
 """Weight of the air around the patient, where nothing else says what a network should do."""
@@ -127,10 +131,13 @@ def through_loop_losses(scans: Callable[[int], LoopScan], seed: int, D: nn.Modul
     losses = []
     for number in numbers:
         draw, scan = np.random.default_rng([seed, number]), scans(number)
-        iterations = ITERATIONS if draw.random() < LONG else PlugAndPlay.iterations
+        longer = int(draw.integers(*LONGER, endpoint=True))
+        iterations = longer if draw.random() < LONG else PlugAndPlay.iterations
         sigma_v = float(np.exp(draw.uniform(*np.log(SIGMAS_V))))
         images = reconstructed_around(D, scan, sigma_v=sigma_v, iterations=iterations)
-        losses.append(torch.stack([relative_loss(image, scan.truth) for image in images]).mean())
+        alone = denoised_by(D, scan.filtered[number % len(scan.filtered)])
+        in_loop = torch.stack([relative_loss(image, scan.truth) for image in images]).mean()
+        losses.append(in_loop + ALONE * relative_loss(alone, scan.truth))
     return torch.stack(losses)
 
 
@@ -143,21 +150,27 @@ def reconstructed_around(D: nn.Module, scan: LoopScan, *, sigma_v: float, iterat
         sigma_v: As of `PlugAndPlay`.
         iterations: Number of iterations.
     """
-
-    def denoise(images: Image) -> Image:
-        seen = images.clamp(max=DENSEST)
-        slices = seen.reshape(-1, 1, *seen.shape[-2:]).to(next(D.parameters()).device)
-        # One slice after another, each computed again for its gradient: memory is that of one pass of one slice.
-        denoised = torch.cat([checkpoint(D, each, use_reentrant=False) for each in slices])
-        return denoised.reshape(images.shape).to(images) + (images - seen)
-
-    method = PlugAndPlay(mirrored(denoise, scan.A.grid.spacing), sigma_v=sigma_v)
+    method = PlugAndPlay(mirrored(partial(denoised_by, D), scan.A.grid.spacing), sigma_v=sigma_v)
     states = method.states(scan.sinogram, scan.A, scan.start)
     images = []
     for iteration in range(iterations):
         with torch.set_grad_enabled(iteration >= iterations - THROUGH):
             images.append(next(states).v)
     return torch.stack(images[-MIRRORS_IN_IMAGE:]).mean(0)
+
+
+def denoised_by(D: nn.Module, images: Image) -> Image:
+    """Return images that a network has denoised as `LearnedDenoiser` lets it, with the gradient of its weights.
+
+    Args:
+        D: The network.
+        images: One image or several, relative to water.
+    """
+    seen = images.clamp(max=DENSEST)
+    slices = seen.reshape(-1, 1, *seen.shape[-2:]).to(next(D.parameters()).device)
+    # One slice after another, each computed again for its gradient: memory is that of one pass of one slice.
+    denoised = torch.cat([checkpoint(D, each, use_reentrant=False) for each in slices])
+    return denoised.reshape(images.shape).to(images) + (images - seen)
 
 
 def relative_loss(image: Image, truth: Image) -> Tensor:
