@@ -67,14 +67,22 @@ train thirteenth twelfth 1 13 "$soft" "${damped[@]}" --seed 15 --examples 72 --l
 python "$runs/mean_of_networks.py" two-stage.safetensors twelfth.safetensors thirteenth.safetensors
 python "$runs/mean_of_networks.py" supervised.safetensors twelfth-supervised.safetensors thirteenth-supervised.safetensors
 
-# It goes on through the loop itself, on new patients of all sizes, for about an hour, and n2n is the mean of before and
-# after. What glibc keeps is not cleared again.
+# It goes on through the loop itself, on new patients of all sizes, for about an hour, twice, each time to the mean of before
+# and after; the second time with more real edges. What glibc keeps is not cleared again.
 pnpct simulate dataset loop --cases 28 --stations 2 --rows 1 --noise-hu 15 --seed 31 --scale 0.7 1.25 --tube-voltages-kvp 80 120 \
   --validation 0 --test 0 --body neck.npz wide.npz slab.zip
-NUMBA_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=8589934592 MALLOC_TRIM_THRESHOLD_=17179869184 torchrun --nproc-per-node 2 "$(command -v pnpct)" train loop \
-  through-loop.safetensors --method through-loop --begin-with two-stage.safetensors --epochs 10 --pairs-per-epoch 20 --batch 2 \
-  --examples 120 --learning-rate 2e-4 --seed 41 --licence Apache-2.0 >> through-loop.log
-python "$runs/mean_of_networks.py" n2n.safetensors two-stage.safetensors through-loop.safetensors
+pnpct simulate dataset loop-real --cases 0 --stations 10 --rows 1 --noise-hu 15 --seed 32 --scale 0.7 1.25 --tube-voltages-kvp 80 120 \
+  --validation 0 --test 0 --body neck.npz wide.npz
+# What is trained, what it begins with, and options.
+through_loop() {
+  NUMBA_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=8589934592 MALLOC_TRIM_THRESHOLD_=17179869184 torchrun --nproc-per-node 2 \
+    "$(command -v pnpct)" train loop "$1.safetensors" --method through-loop --begin-with "$2.safetensors" --epochs 10 \
+    --pairs-per-epoch 20 --batch 2 --examples 120 --learning-rate 2e-4 --licence Apache-2.0 "${@:3}" >> "$1.log"
+}
+through_loop through-loop two-stage --seed 41
+python "$runs/mean_of_networks.py" looped.safetensors two-stage.safetensors through-loop.safetensors
+through_loop through-loop-again looped --seed 42 --also loop-real
+python "$runs/mean_of_networks.py" n2n.safetensors looped.safetensors through-loop-again.safetensors
 
 # RED-CNN, the published baseline, for 35 minutes of one core; its steps take ten times as long.
 pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --cache images --bfloat16 --side 64 --batch 8 \

@@ -21,7 +21,7 @@ from pnpct.reconstruction import (
     starting_state,
 )
 from pnpct.reconstruction.around_network import around_network
-from pnpct.reconstruction.methods import falling
+from pnpct.reconstruction.methods import FALL, falling
 from pnpct.reconstruction.normal_equations import balanced_sigma_v, plain
 
 TV = TotalVariation(0.05)
@@ -93,7 +93,7 @@ def test_at_low_dose_sigma_v_falls_to_what_was_asked_for(sinogram, A, monkeypatc
     weak = Sinogram(sinogram.line_integrals, DiagonalWeights(sinogram.weights.diagonal / 100))
     start, damping = starting_state(weak, A), PlugAndPlay.damping
     begun, solver = float(balanced_sigma_v(weak, A, start.v)), []
-    last = 0.3 * begun
+    last = 0.2 * begun
 
     def recorded(_sinogram, _A):
         solve = plain(_sinogram, _A)
@@ -102,7 +102,7 @@ def test_at_low_dose_sigma_v_falls_to_what_was_asked_for(sinogram, A, monkeypatc
     monkeypatch.setattr("pnpct.reconstruction.methods.solver_by_name", lambda *_, **__: recorded)
     blur = Gaussian(0.7)
     made = PlugAndPlay(blur, sigma_v=last, iterations=20, stop="never")(weak, A).image
-    assert solver == pytest.approx([begun, 0.6 * begun, 0.36 * begun, *17 * [last]], rel=1e-5)
+    assert solver == pytest.approx([begun, FALL * begun, FALL**2 * begun, *17 * [last]], rel=1e-5)
     from_there = itertools.islice(pnp_admm(weak, A, blur, start, sigma_v=last, damping=damping), 39, None)
     assert float((made - next(from_there).v).square().mean().sqrt()) < 1e-3
 

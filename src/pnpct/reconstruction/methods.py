@@ -34,7 +34,7 @@ from pnpct.reconstruction.whole_volume import WholeVolume, corrected_for_bone_in
 FIRST = 3.0
 """σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
 
-FALL = 0.6
+FALL = 0.45
 """σ_v in each of the first iterations over that of the one before."""
 
 AMONG_STREAKS = 0.5
@@ -172,7 +172,7 @@ class PlugAndPlay:
     denoise: Denoise
     sigma_v: float = SIGMA_V
     damping: float = 0.5
-    iterations: int = 5
+    iterations: int = 4
     stop: RuleName = "relative"
     solver: SolverName = "fourier"
     inner_iterations: int | None = None
