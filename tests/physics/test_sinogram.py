@@ -174,6 +174,16 @@ def test_the_first_and_the_last_view_of_a_turn_are_neighbours(geometry):
     torch.testing.assert_close(weights[1:], weights[1:].flip(0))
 
 
+def test_means_over_neighbours_are_the_same_wherever_their_blocks_end(generator):
+    geometry = FanBeam(
+        evenly_spaced_views(150), bins=250, source_to_isocenter=541.0, source_to_detector=949.0, bin_width=1.0
+    )
+    scan = flat_scan(geometry, 20.0, 3.0, generator, slices=1)
+    moved = replace(scan, counts=scan.counts.flip(-1).roll(37, -2))
+    expected = take_log(scan).weights.diagonal.flip(-1).roll(37, -2)
+    torch.testing.assert_close(take_log(moved).weights.diagonal, expected, rtol=1e-4, atol=1e-4)
+
+
 def test_a_gap_in_the_views_changes_nothing_far_from_it(geometry, generator):
     whole = replace(geometry, view_angles=evenly_spaced_views(240))
     scan = flat_scan(whole, 100.0, 0.0, generator, slices=1)

@@ -60,6 +60,9 @@ class Sinogram:
 WIDER = (2.0, 4.0)
 """Times the smoothing of l: so widely are counts smoothed for the weights, where their noise cannot tell."""
 
+BLOCK = 100
+"""Sums of neighbouring rays that are made together."""
+
 
 def take_log(
     scan: Scan,
@@ -196,10 +199,24 @@ def _means(
     down: Float[Tensor, "r r"], rays: Rays | ConeRays, across: Float[Tensor, "c c"], measured: Bool[Tensor, "..."]
 ) -> Rays | ConeRays:
     """Weighted means along the last two axes, of the rays that were measured."""
+
+    def sums(rays: Rays | ConeRays) -> Rays | ConeRays:
+        return _sums(across, _sums(down, rays, -2), -1)
+
     if bool(measured.all()):
-        return down @ rays @ across.T
-    shares = down @ measured.to(rays).expand(rays.shape) @ across.T
-    return (down @ rays.where(measured, 0.0) @ across.T) / shares.clamp_min(torch.finfo(rays.dtype).tiny)
+        return sums(rays)
+    shares = sums(measured.to(rays).expand(rays.shape))
+    return sums(rays.where(measured, 0.0)) / shares.clamp_min(torch.finfo(rays.dtype).tiny)
+
+
+def _sums(weights: Float[Tensor, "n n"], rays: Rays | ConeRays, dim: int) -> Rays | ConeRays:
+    """Weighted sums along an axis, a block of them at a time, of those rays alone that count in one: most do not."""
+    parts = []
+    for block in weights.split(BLOCK):
+        near = block.any(0).nonzero().squeeze(-1)
+        some = rays.index_select(dim, near)
+        parts.append(block[:, near] @ some if dim == -2 else some @ block[:, near].T)
+    return torch.cat(parts, dim)
 
 
 def _neighbours(count: int, smoothing: float, like: Tensor) -> Float[Tensor, "n n"]:
