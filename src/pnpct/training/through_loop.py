@@ -2,6 +2,8 @@
 
     L = ½ log E_soft + ½ log E_body + 0.05 log E_all,     E = mean of (image − truth)² over a tissue
 
+A fifth of the same loss of the network alone, on an image of filtered back-projection, is added.
+
 In the loop a network is given its own work. One that comes nearer to its targets on single images may end farther from
 the truth: what it does to an image has consequences in the data steps and in the iterations that follow, and single
 images say nothing of them. Here the gradient passes through them, back to each time that the network was applied.
