@@ -69,8 +69,16 @@ def plane_distance(planes: TiltedPlanes, grid: VolumeGrid, thickness: float, lar
         )
     spacing = (row if thickness >= 2 * row else row / 2) if largest is None else largest
     if planes.feed == 0 and thickness == 0:
-        return grid.slice_spacing / math.ceil(grid.slice_spacing / max(row, spacing) - 1e-6)
+        return grid.slice_spacing / equal_parts(grid.slice_spacing, max(row, spacing))
     return spacing
+
+
+def equal_parts(length: float, longest: float) -> int:
+    """Return into how many equal parts, at least 1, a length is cut so that none is longer than `longest`.
+
+    A scanner's 0.625 mm are 0.62498 mm by its geometry: parts may be a hundredth longer.
+    """
+    return max(1, math.ceil(length / longest - 0.01))
 
 
 def planes_of_a_row(planes: TiltedPlanes, distance: float) -> int:

@@ -13,7 +13,7 @@ from pnpct.arrays import Image, Volume
 from pnpct.geometry import ConeBeam, ImageGrid, Plane, Rebinning, TiltedPlanes, VolumeGrid
 from pnpct.geometry.plane_stack import Array, spanning
 from pnpct.geometry.short_repr import short_repr
-from pnpct.reconstruction.covered import check_covered, margin_of, plane_distance
+from pnpct.reconstruction.covered import check_covered, equal_parts, margin_of, plane_distance
 from pnpct.reconstruction.parts import made_in_order
 from pnpct.reconstruction.plane_images import PlaneImages, RaysOfViews
 from pnpct.reconstruction.reconstructed import Method
@@ -130,7 +130,7 @@ def reconstruct_volume(
 def _samples(planes: TiltedPlanes, grid: VolumeGrid, thickness: float) -> Array:
     """Heights at which a slice is sampled for its mean, relative to its middle, mm."""
     fine = (planes.geometry.row_height_at_isocenter or grid.slice_spacing) / 2
-    number = max(1, math.ceil(thickness / fine))
+    number = equal_parts(thickness, fine)
     samples: Array = ((np.arange(number) + 0.5) / number - 0.5) * thickness
     return samples
 
