@@ -13,6 +13,9 @@ from pnpct.geometry.cone_beam import ConeBeam
 from pnpct.geometry.image_grid import ImageGrid
 from pnpct.geometry.volume_grid import VolumeGrid
 
+_TOGETHER = 128
+"""Views whose rays are followed together: their heights are many times larger than the answer."""
+
 
 def slices_beyond(grid: VolumeGrid, geometry: ConeBeam) -> int:
     """Return how many slices the rays that meet those of a volume reach beyond its lowest, and beyond its highest."""
@@ -43,12 +46,18 @@ def rays_inside(grid: VolumeGrid, geometry: ConeBeam) -> NDArray[np.bool_]:
     Returns:
         (views, rows, bins).
     """
+    radius = _radius(grid.plane, geometry)
+    blocks = (geometry[first : first + _TOGETHER] for first in range(0, geometry.views, _TOGETHER))
+    return np.concatenate([_inside(grid, block, radius) for block in blocks])
+
+
+def _inside(grid: VolumeGrid, geometry: ConeBeam, radius: float) -> NDArray[np.bool_]:
     spots = geometry.focal_spots()
     along = geometry.detector_points(geometry.fan_angles)[..., :2] - spots[:, None, :2]
     distance = np.linalg.norm(along, axis=-1)
     nearest = -(along * spots[:, None, :2]).sum(-1) / distance
     aside = (spots[:, :2] ** 2).sum(-1)[:, None] - nearest**2
-    half_chord = np.sqrt(np.maximum(_radius(grid.plane, geometry) ** 2 - aside, 0.0))
+    half_chord = np.sqrt(np.maximum(radius**2 - aside, 0.0))
     rise = geometry.trajectory.heights[:, None] - spots[:, 2:] + geometry.detector.row_edges
     face = grid.slices * grid.slice_spacing / 2
     inside = np.ones((geometry.views, geometry.rows + 1, geometry.bins), dtype=bool)

@@ -52,10 +52,7 @@ def whole_volume(sinogram: Sinogram, A: ConeProjector) -> WholeVolume:
     Raises:
         ValueError: If the weights are not one for each ray, no ray stays inside, or the object needs too many pixels.
     """
-    if not isinstance(sinogram.weights, DiagonalWeights):
-        raise ValueError(
-            "The rays of a cone beam need weights of their own, got correlated ones; give DiagonalWeights."
-        )
+    of_rays = weights_of_rays(sinogram)
     geometry, asked = A.geometry, A.grid
     step = max(1, geometry.views // LOOKED_AT)
     middle = sinogram.line_integrals[..., ::step, geometry.rows // 2, :]
@@ -65,9 +62,22 @@ def whole_volume(sinogram: Sinogram, A: ConeProjector) -> WholeVolume:
     wide = replace(asked, plane=in_plane.A.grid)
     grid = replace(wide, slices=asked.slices + 2 * slices_beyond(wide, geometry))
     inside = torch.from_numpy(rays_inside(grid, geometry)).to(sinogram.line_integrals.device)
-    weights = DiagonalWeights(sinogram.weights.diagonal * inside, geometry.shape)
+    weights = DiagonalWeights(of_rays.diagonal * inside, geometry.shape)
     projector = ConeProjector(grid, geometry, mu_water=A.mu_water)
     return WholeVolume(replace(sinogram, weights=weights), projector, asked, in_plane.notes)
+
+
+def weights_of_rays(sinogram: Sinogram) -> DiagonalWeights:
+    """Return the weights of a sinogram, one for each ray.
+
+    Raises:
+        ValueError: If they are correlated.
+    """
+    if not isinstance(sinogram.weights, DiagonalWeights):
+        raise ValueError(
+            "The rays of a cone beam need weights of their own, got correlated ones; give DiagonalWeights."
+        )
+    return sinogram.weights
 
 
 def corrected_for_bone_in(volume: Volume, whole: WholeVolume) -> WholeVolume:
