@@ -1,11 +1,11 @@
 """Conjugate gradients preconditioned in the Fourier domain: the default solver of the data step.
 
-Without weights AᵀA is nearly a convolution Λ. The weights, seen from a pixel, are nearly one number: its certainty
-κ² = Σ a²w / Σ a². With K = diag(κ) and η = β/κ²,
+Without weights AᵀA is nearly a convolution Λ. The weights, seen from a pixel, are nearly one number, its `certainty`
+κ². With K = diag(κ) and η = β/κ²,
 
     AᵀWA + β ≈ K (F*ΛF + η) K,      M⁻¹ = K⁻¹ [Σ_k S_k F* (Λ + η_k)⁻¹ F S_k] K⁻¹
 
-where Λ is measured by noise, and S_k blends between a few levels η_k of the logarithm of η, S_k² adding up to one:
+where Λ is measured by noise, and S_k blends between a few levels of the logarithm of κ, S_k² adding up to one:
 symmetric positive definite, one pair of FFTs per level.
 
 References:
@@ -13,14 +13,17 @@ References:
     Clinthorne et al., IEEE Trans. Med. Imaging 12 (1993) 78.
 """
 
+import math
+
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from pnpct.arrays import Image, Volume
-from pnpct.operators import AnyProjector, Projector
+from pnpct.operators import AnyProjector
 from pnpct.physics import Sinogram
+from pnpct.reconstruction.certainty import certainty, in_order, rays_that_count, seen_by_all_views
 from pnpct.reconstruction.normal_equations import (
     INNER_ITERATIONS,
     Operator,
@@ -31,11 +34,8 @@ from pnpct.reconstruction.normal_equations import (
 
 LEVELS = 3
 
-EVEN = 0.05
+EVEN = 0.2
 """If the logarithms of the certainties spread by less, one level serves all pixels."""
-
-ENOUGH = 40_000
-"""Pixels of an image, evenly spread, among which the lowest and the highest certainty are found."""
 
 NEIGHBOURS = 9
 """Frequencies, in either direction, over which a spectrum is a mean."""
@@ -43,16 +43,13 @@ NEIGHBOURS = 9
 LOWEST = 1e-3
 """Of a spectrum over its median."""
 
-FAINTEST = 1e-3
-"""A pixel of less certainty, relative to the median, counts as one that no ray meets."""
-
 
 def fourier(
     sinogram: Sinogram, A: AnyProjector, *, inner_iterations: int = INNER_ITERATIONS, levels: int = LEVELS
 ) -> Solve:
     """Make a solver of `inner_iterations` or more conjugate-gradient steps, preconditioned with `levels` levels.
 
-    Setting up takes one projection, one back-projection and two diagonals.
+    Setting up takes one projection, one back-projection, and diagonals at half the resolution.
     """
     return warm_started(sinogram, A, inner_iterations, fourier_preconditioner(sinogram, A, levels=levels))
 
@@ -65,61 +62,48 @@ def fourier_preconditioner(sinogram: Sinogram, A: AnyProjector, *, levels: int =
     """
     if levels < 1:
         raise ValueError(f"The preconditioner needs at least one level, got {levels}.")
-    weights = sinogram.weights.diagonal
-    diagonal = A.gram_diagonal(weights)
-    seen = _seen_by_all_views(A).to(diagonal.device)
-    measured = diagonal / A.gram_diagonal(torch.ones_like(weights)).clamp(min=1e-30)
-    faintest = FAINTEST * float(measured.median())
-    spectrum, dims = _spectrum(A, weights), A.domain_dims
+    weights, dims, shape = sinogram.weights.diagonal, A.domain_dims, A.domain_shape
+    spectrum, seen = _spectrum(A, rays_that_count(weights, A)), seen_by_all_views(A)
+    certain = certainty(weights, A)
+    parts = [(level, blend / certain.sqrt()) for level, blend in _levels(certain, seen, levels)]
 
     def for_penalty(beta: Tensor) -> Operator:
-        knots, blends = _levels((beta / measured.clamp(min=faintest)).log(), seen, levels)
-        # Where no ray meets a pixel, H is β and K η K must not be less, or M⁻¹H has its largest eigenvalues there.
-        certainty = torch.where(measured < faintest, beta / knots[-1].exp(), measured)
-        filters = [1 / (spectrum + knot.exp()) for knot in knots]
-        outer = certainty.rsqrt()
-
-        def of_one(image: Image | Volume, outer: Image | Volume, *blends: Image | Volume) -> Image | Volume:
-            inner = outer * image
-            total = torch.zeros_like(inner)
-            for response, blend in zip(filters, blends, strict=True):
+        def of_one(image: Image | Volume, beta: Tensor, *factors: Image | Volume) -> Image | Volume:
+            total = torch.zeros_like(image)
+            for (level, _), factor in zip(parts, factors, strict=True):
                 # Wrapping around at the border costs no iterations; padding would cost four times the work.
-                transformed = torch.fft.rfftn(blend * inner, dim=dims) * response
-                total += blend * torch.fft.irfftn(transformed, s=A.domain_shape, dim=dims)
-            return outer * total
+                transformed = torch.fft.rfftn(factor * image, dim=dims) / (spectrum + beta / level)
+                total += factor * torch.fft.irfftn(transformed, s=shape, dim=dims)
+            return total
 
         def precondition(image: Image | Volume) -> Image | Volume:
             # One image after another: the spectra of a batch are larger than the cache, and take five times as long.
-            parts = [part.expand(image.shape).reshape(-1, *A.domain_shape) for part in (image, outer, *blends)]
-            return torch.stack([of_one(*each) for each in zip(*parts, strict=True)]).view(image.shape)
+            batch = image.shape[: -len(shape)]
+            images = image.reshape(-1, *shape)
+            betas = beta.expand(*batch, *(1,) * len(shape)).reshape(-1)
+            factors = [factor.expand(image.shape).reshape(-1, *shape) for _, factor in parts]
+            return torch.stack([of_one(*each) for each in zip(images, betas, *factors, strict=True)]).view(image.shape)
 
         return precondition
 
     return for_penalty
 
 
-def _seen_by_all_views(A: AnyProjector) -> Tensor:
-    """Return where no view leaves a pixel out, or everywhere if there is none: the levels are spread over these."""
-    plane = A.grid if isinstance(A, Projector) else A.grid.plane
-    radius = np.hypot(plane.x, plane.y[:, None])
-    seen: Tensor = torch.from_numpy(radius <= A.geometry.field_of_view_radius - 2 * plane.spacing)
-    seen = seen if bool(seen.any()) else torch.ones_like(seen)
-    return seen.expand(A.domain_shape)
-
-
-def _spectrum(A: AnyProjector, like: Tensor) -> Tensor:
+def _spectrum(A: AnyProjector, counts: Tensor) -> Tensor:
     """Return the spectrum Λ of AᵀA: how much of each frequency of a noise it answers with, on the mean over the image.
+
+    Only the rays that count take part.
 
     Near the highest frequencies AᵀA is no convolution: what it answers to a point depends on where that is between
     pixels and cells, and has hardly anything of some frequencies. Filters made of that are far too large there.
     """
     chance = torch.Generator().manual_seed(0)
-    signs = (2 * torch.randint(0, 2, A.domain_shape, generator=chance) - 1).to(like)
-    noise, answer = (torch.fft.rfftn(image, dim=A.domain_dims) for image in (signs, A.adjoint(A(signs))))
-    rows, cols = A.domain_shape[-2:]
+    signs = (2 * torch.randint(0, 2, A.domain_shape, generator=chance) - 1).to(counts)
+    noise, answer = (torch.fft.rfftn(image, dim=A.domain_dims) for image in (signs, A.adjoint(counts * A(signs))))
     # AᵀA falls like one over the frequency: times it, a mean over neighbours is not that of a steep slope.
+    rows, cols = A.domain_shape[-2:]
     frequency = torch.hypot(torch.fft.fftfreq(rows)[:, None], torch.fft.rfftfreq(cols)).clamp(min=1 / max(rows, cols))
-    frequency = frequency.to(like)
+    frequency = frequency.to(counts)
     common = _of_neighbours(frequency * (noise.conj() * answer).real)
     spectrum = common / _of_neighbours(noise.abs().square()) / frequency
     positive: Tensor = spectrum.clamp(min=LOWEST * float(spectrum.median()))
@@ -132,14 +116,12 @@ def _of_neighbours(spectrum: Tensor) -> Tensor:
     return functional.avg_pool2d(planes, NEIGHBOURS, stride=1, padding=NEIGHBOURS // 2).reshape(spectrum.shape)
 
 
-def _levels(scaled: Image | Volume, seen: Tensor, levels: int) -> tuple[Tensor, list[Image | Volume]]:
-    """Return the logarithms of the levels, and for each the square root of its share in each pixel that is seen."""
-    places = seen.flatten().nonzero().squeeze(-1)
-    some = places[:: max(1, len(places) // ENOUGH)]
-    values = scaled.flatten(-seen.ndim)[..., some].flatten().sort().values
+def _levels(certain: Image | Volume, seen: Tensor, levels: int) -> list[tuple[float, Image | Volume]]:
+    """Return levels, which span the pixels that are seen, and the square root of the share of each in each pixel."""
+    values = in_order(certain, seen).log()
     low, high = (float(values[int(part * (len(values) - 1))]) for part in (0.002, 0.998))
     if levels == 1 or high - low < EVEN:
-        return scaled.new_tensor([(low + high) / 2]), [torch.ones_like(scaled)]
-    at = ((scaled - low) / (high - low) * (levels - 1)).clamp(0, levels - 1)
-    blends = [(1 - (at - level).abs()).clamp(min=0).sqrt() for level in range(levels)]
-    return torch.linspace(low, high, levels, dtype=scaled.dtype, device=scaled.device), blends
+        return [(math.exp((low + high) / 2), torch.ones_like(certain))]
+    at = ((certain.log() - low) / (high - low) * (levels - 1)).clamp(0, levels - 1)
+    knots = np.exp(np.linspace(low, high, levels)).tolist()
+    return [(knot, (1 - (at - level).abs()).clamp(min=0).sqrt()) for level, knot in enumerate(knots)]
