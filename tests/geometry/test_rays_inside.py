@@ -1,4 +1,5 @@
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -49,3 +50,12 @@ def test_no_ray_that_meets_the_slices_leaves_those_added():
     views = views_meeting(low, HELIX)
     assert set(np.flatnonzero(meets)) <= set(views.tolist()) < set(range(HELIX.views))
     assert len(views_meeting(low, HELIX, within=1000.0)) == HELIX.views
+
+
+@pytest.mark.parametrize("geometry", [CIRCLE, HELIX, MOVING], ids=["circle", "helix", "moving"])
+def test_views_are_followed_some_at_a_time(geometry, monkeypatch):
+    grid = VolumeGrid(PLANE, 6, 2.0)
+    at_once = rays_inside(grid, geometry)
+    monkeypatch.setattr(import_module("pnpct.geometry.rays_inside"), "_TOGETHER", 7)
+    assert 0 < at_once.sum() < at_once.size
+    assert (rays_inside(grid, geometry) == at_once).all()

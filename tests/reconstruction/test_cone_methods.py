@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,11 @@ def A() -> ConeProjector:
     return ConeProjector(GRID, HELIX, mu_water=0.0193)
 
 
+def of_views(sinogram: Sinogram, views: list[int]) -> Sinogram:
+    line_integrals, weights = (array[views] for array in (sinogram.line_integrals, sinogram.weights.diagonal))
+    return Sinogram(line_integrals, DiagonalWeights(weights, HELIX[views].shape))
+
+
 def disc_hu(volume: torch.Tensor) -> float:
     inside = volume[:, DISC & (Gaussian(1.0)(DISC.float()) > 0.9)].mean(1)
     return 1000 * float(inside[4] - inside[0])  # the middles of both grids agree
@@ -95,10 +101,7 @@ def test_outer_slices_of_an_axial_scan_begin_nearer_to_the_truth_than_planes_are
 
 
 def test_slices_of_a_volume_do_not_depend_on_the_slab_that_they_begin_with(sinogram, monkeypatch):
-    def rays(views):
-        chosen = [array[views] for array in (sinogram.line_integrals, sinogram.weights.diagonal)]
-        return Sinogram(chosen[0], DiagonalWeights(chosen[1], HELIX[views].shape))
-
+    rays = partial(of_views, sinogram)
     monkeypatch.setattr("pnpct.reconstruction.cone_volume.SLICES_OF_A_SLAB", 4)
     grid, method = VolumeGrid(PLANE, 6, ROW), FBP()
     whole = list(reconstruct_cone_volume(rays, HELIX, grid, method, mu_water=0.0193))
@@ -151,8 +154,7 @@ def test_a_scan_is_read_some_views_at_a_time(sinogram, monkeypatch):
 
     def rays(views):
         asked.append(len(views))
-        chosen = [array[views] for array in (sinogram.line_integrals, sinogram.weights.diagonal)]
-        return Sinogram(chosen[0], DiagonalWeights(chosen[1], HELIX[views].shape))
+        return of_views(sinogram, views)
 
     images = []
     for together in (1000, 50):

@@ -46,18 +46,17 @@ def rays_inside(grid: VolumeGrid, geometry: ConeBeam) -> NDArray[np.bool_]:
     Returns:
         (views, rows, bins).
     """
-    radius = _radius(grid.plane, geometry)
     blocks = (geometry[first : first + _TOGETHER] for first in range(0, geometry.views, _TOGETHER))
-    return np.concatenate([_inside(grid, block, radius) for block in blocks])
+    return np.concatenate([_inside(grid, block) for block in blocks])
 
 
-def _inside(grid: VolumeGrid, geometry: ConeBeam, radius: float) -> NDArray[np.bool_]:
+def _inside(grid: VolumeGrid, geometry: ConeBeam) -> NDArray[np.bool_]:
     spots = geometry.focal_spots()
     along = geometry.detector_points(geometry.fan_angles)[..., :2] - spots[:, None, :2]
     distance = np.linalg.norm(along, axis=-1)
     nearest = -(along * spots[:, None, :2]).sum(-1) / distance
     aside = (spots[:, :2] ** 2).sum(-1)[:, None] - nearest**2
-    half_chord = np.sqrt(np.maximum(radius**2 - aside, 0.0))
+    half_chord = np.sqrt(np.maximum(_radius(grid.plane, geometry) ** 2 - aside, 0.0))
     rise = geometry.trajectory.heights[:, None] - spots[:, 2:] + geometry.detector.row_edges
     face = grid.slices * grid.slice_spacing / 2
     inside = np.ones((geometry.views, geometry.rows + 1, geometry.bins), dtype=bool)

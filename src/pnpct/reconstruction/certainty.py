@@ -1,12 +1,10 @@
 """How much the data count in each pixel."""
 
-import numpy as np
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
-from pnpct.operators import AnyProjector, Projector
+from pnpct.operators import AnyProjector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.half_resolution import at_half_resolution, doubled
 
@@ -18,9 +16,6 @@ FAINT = 0.01
 
 SMALL = 64
 """Rows or columns of an image up to which it is not halved."""
-
-ENOUGH = 40_000
-"""Pixels of an image, evenly spread, among which its lowest and highest values are found."""
 
 
 def rays_that_count(weights: Rays | ConeRays, A: AnyProjector) -> Tensor:
@@ -50,21 +45,6 @@ def certainty(weights: Rays | ConeRays, A: AnyProjector) -> Tensor:
     mean_weight = (counted + some * counted.mean(dims, keepdim=True) / typical) / (met + some)
     certain: Tensor = mean_weight * (met / typical).clamp(min=COVERED)
     return certain if coarse is A else doubled(certain, (A.domain_shape[-2], A.domain_shape[-1]))
-
-
-def seen_by_all_views(A: AnyProjector) -> Tensor:
-    """Return where no view leaves a pixel out, or everywhere if there is none."""
-    plane = A.grid if isinstance(A, Projector) else A.grid.plane
-    radius = np.hypot(plane.x, plane.y[:, None])
-    seen: Tensor = torch.from_numpy(radius <= A.geometry.field_of_view_radius - 2 * plane.spacing)
-    seen = seen if bool(seen.any()) else torch.ones_like(seen)
-    return seen.expand(A.domain_shape)
-
-
-def in_order(images: Tensor, where: Tensor) -> Float[Tensor, "values"]:
-    """Return some values of all images, evenly spread over those `where`, from the lowest to the highest."""
-    places = where.flatten().nonzero().squeeze(-1).to(images.device)
-    return images.flatten(-where.ndim)[..., places[:: max(1, len(places) // ENOUGH)]].flatten().sort().values
 
 
 def _coarse(weights: Tensor, A: AnyProjector) -> tuple[Tensor, AnyProjector]:

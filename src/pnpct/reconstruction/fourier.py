@@ -17,13 +17,14 @@ import math
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
 from pnpct.arrays import Image, Volume
-from pnpct.operators import AnyProjector
+from pnpct.operators import AnyProjector, Projector
 from pnpct.physics import Sinogram
-from pnpct.reconstruction.certainty import certainty, in_order, rays_that_count, seen_by_all_views
+from pnpct.reconstruction.certainty import certainty, rays_that_count
 from pnpct.reconstruction.normal_equations import (
     INNER_ITERATIONS,
     Operator,
@@ -36,6 +37,9 @@ LEVELS = 3
 
 EVEN = 0.2
 """If the logarithms of the certainties spread by less, one level serves all pixels."""
+
+ENOUGH = 40_000
+"""Pixels of an image, evenly spread, among which its lowest and highest values are found."""
 
 NEIGHBOURS = 9
 """Frequencies, in either direction, over which a spectrum is a mean."""
@@ -63,7 +67,7 @@ def fourier_preconditioner(sinogram: Sinogram, A: AnyProjector, *, levels: int =
     if levels < 1:
         raise ValueError(f"The preconditioner needs at least one level, got {levels}.")
     weights, dims, shape = sinogram.weights.diagonal, A.domain_dims, A.domain_shape
-    spectrum, seen = _spectrum(A, rays_that_count(weights, A)), seen_by_all_views(A)
+    spectrum, seen = _spectrum(A, rays_that_count(weights, A)), _seen_by_all_views(A)
     certain = certainty(weights, A)
     parts = [(level, blend / certain.sqrt()) for level, blend in _levels(certain, seen, levels)]
 
@@ -87,6 +91,15 @@ def fourier_preconditioner(sinogram: Sinogram, A: AnyProjector, *, levels: int =
         return precondition
 
     return for_penalty
+
+
+def _seen_by_all_views(A: AnyProjector) -> Tensor:
+    """Return where no view leaves a pixel out, or everywhere if there is none."""
+    plane = A.grid if isinstance(A, Projector) else A.grid.plane
+    radius = np.hypot(plane.x, plane.y[:, None])
+    seen: Tensor = torch.from_numpy(radius <= A.geometry.field_of_view_radius - 2 * plane.spacing)
+    seen = seen if bool(seen.any()) else torch.ones_like(seen)
+    return seen.expand(A.domain_shape)
 
 
 def _spectrum(A: AnyProjector, counts: Tensor) -> Tensor:
@@ -118,10 +131,16 @@ def _of_neighbours(spectrum: Tensor) -> Tensor:
 
 def _levels(certain: Image | Volume, seen: Tensor, levels: int) -> list[tuple[float, Image | Volume]]:
     """Return levels, which span the pixels that are seen, and the square root of the share of each in each pixel."""
-    values = in_order(certain, seen).log()
+    values = _in_order(certain, seen).log()
     low, high = (float(values[int(part * (len(values) - 1))]) for part in (0.002, 0.998))
     if levels == 1 or high - low < EVEN:
         return [(math.exp((low + high) / 2), torch.ones_like(certain))]
     at = ((certain.log() - low) / (high - low) * (levels - 1)).clamp(0, levels - 1)
     knots = np.exp(np.linspace(low, high, levels)).tolist()
     return [(knot, (1 - (at - level).abs()).clamp(min=0).sqrt()) for level, knot in enumerate(knots)]
+
+
+def _in_order(images: Tensor, where: Tensor) -> Float[Tensor, "values"]:
+    """Return some values of all images, evenly spread over those `where`, from the lowest to the highest."""
+    places = where.flatten().nonzero().squeeze(-1).to(images.device)
+    return images.flatten(-where.ndim)[..., places[:: max(1, len(places) // ENOUGH)]].flatten().sort().values
