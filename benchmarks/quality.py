@@ -2,7 +2,7 @@
 
     python benchmarks/quality.py FOLDER [--cases abdomen,chest,head,pelvis,large-abdomen,child,catsim-chest]
         [--doses 20,40,100] [--iterations 20] [--n2n n2n] [--supervised supervised] [--red-cnn RED-CNN.safetensors]
-        [--seed 0] [--patients 900]
+        [--seed 0] [--patients 900] [--blur]
 
 Prints for every case and dose, in HU, of two scans with noise of their own: RMSE in soft tissue and in the body, bias
 in uniform soft tissue, and the share of a lesion of 12 mm and -40 HU that is kept (difference of two scans with the
@@ -11,8 +11,8 @@ the least RMSE in soft tissue of these very scans: an oracle that the learned me
 most that its noise, the difference of the two scans, has over that of total variation in any of eight rings of
 frequency, and with --iterations its RMSE after five, the default and the last of them over that of the best. The folder
 gets the exposures of the cases, the images of the first scans as .h5 and .png, and the rows as .json, with the errors
-of every choice; they are not measured again. Take another folder for another network, seed or version, or for other
-patients.
+of every choice; they are not measured again. Take another folder for another network, seed or version, for other
+patients, or for scans that focal spot, cells and rotation blur (--blur).
 """
 
 import argparse
@@ -189,6 +189,7 @@ def main() -> None:
     options.add_argument("--red-cnn", default="")
     options.add_argument("--seed", type=int, default=0, help="of the noise")
     options.add_argument("--patients", type=int, default=PATIENTS, help="seed of the procedural ones")
+    options.add_argument("--blur", action="store_true", help="of focal spot, cells and rotation")
     options.add_argument("--no-classical", action="store_true", help="networks alone")
     given = options.parse_args()
     files = {"RED-CNN": given.red_cnn, "supervised": given.supervised, "two-stage": given.n2n}
@@ -197,7 +198,7 @@ def main() -> None:
     doses = [float(dose) for dose in given.doses.split(",")]
     rows: dict[float, list[Rows]] = {dose: [] for dose in doses}
     what = {"seed": given.seed, "classical": not given.no_classical, "most": given.iterations}
-    for case in cases(given.folder, given.cases.split(","), given.patients):
+    for case in cases(given.folder, given.cases.split(","), given.patients, blur=given.blur):
         truth = given.folder / f"{case.name}-truth.h5"
         write_image(truth, case.plain.truth, case.plain.grid, provenance=record_run(sys.argv))
         for dose in doses:

@@ -14,6 +14,8 @@ from pnpct.files import ExposedSlice, read_exposure, record_run, write_exposures
 from pnpct.geometry import ImageGrid, Lesion
 from pnpct.physics import Exposure, Moments
 from pnpct.simulation import (
+    BLURRED,
+    Sampling,
     as_exposure,
     clinical_fan_beam,
     procedural_patient,
@@ -56,8 +58,15 @@ class QualityCase:
     uniform: torch.Tensor
 
 
-def cases(folder: Path, names: list[str], patients: int = PATIENTS) -> Iterator[QualityCase]:
-    """Yield the cases, made or read from the folder; "catsim-chest" is the chest through CatSim, always the same."""
+def cases(folder: Path, names: list[str], patients: int = PATIENTS, *, blur: bool = False) -> Iterator[QualityCase]:
+    """Yield the cases, made or read from the folder; "catsim-chest" is the chest through CatSim, always the same.
+
+    Args:
+        folder: Of the cases, which are made once.
+        names: Of the cases.
+        patients: Seed of the procedural ones.
+        blur: Whether focal spot, cells and rotation blur their scans, as they do those of CatSim.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         if name == "catsim-chest":
@@ -67,7 +76,7 @@ def cases(folder: Path, names: list[str], patients: int = PATIENTS) -> Iterator[
             continue
         files = [folder / f"{name}-{kind}.h5" for kind in ("plain", "lesion")]
         if not all(file.exists() for file in files):
-            _make(name, files, patients)
+            _make(name, files, patients, BLURRED if blur else Sampling())
         plain, lesion = (read_exposure(file) for file in files)
         change = to_hu(lesion.truth) - to_hu(plain.truth)
         uniform, _ = _uniform(plain.truth, plain.grid)
@@ -77,7 +86,7 @@ def cases(folder: Path, names: list[str], patients: int = PATIENTS) -> Iterator[
         yield QualityCase(name, plain, lesion, torch.from_numpy(away < 0.3 * DIAMETER_MM), uniform)
 
 
-def _make(name: str, files: list[Path], patients: int) -> None:
+def _make(name: str, files: list[Path], patients: int, sampling: Sampling) -> None:
     anatomy, scale = RESIZED.get(name, (name, 1.0))
     source = procedural_patient(anatomy, np.random.default_rng([patients, *anatomy.encode()])).resized(scale)
     grid, geometry = source.grid, clinical_fan_beam()
@@ -88,7 +97,7 @@ def _make(name: str, files: list[Path], patients: int) -> None:
     marked = with_lesions(source.body, [Lesion((x, y, source.height), DIAMETER_MM / 2, CONTRAST_HU)])
     for file, body in zip(files, (source.body, marked), strict=True):
         phantom = body.slice(source.height, grid.halved)
-        (moments,) = simulate_moments(phantom, geometry, [beam])
+        (moments,) = simulate_moments(phantom, geometry, [beam], sampling=sampling)
         image = truth(phantom, grid, energy=beam.effective_energy)
         exposed = ExposedSlice(as_exposure(moments, geometry, beam), image, grid)
         write_exposures(file, {120.0: exposed}, provenance=record_run(["benchmarks/quality.py"], seed=patients))

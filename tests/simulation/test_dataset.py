@@ -55,6 +55,17 @@ def test_slices_hold_exposures_at_all_voltages_with_the_truth(made: Path) -> Non
     assert low.exposure.scan(tube_current_ma=40.0, generator=generator).counts.min() < 2e5
 
 
+def test_a_blurred_scanner_scans_the_same_patients_less_sharply(made: Path, tmp_path: Path) -> None:
+    assert len(list(simulate_dataset(tmp_path, replace(SMALL, blur=True)))) == 3
+    for name in read_manifest(made).files("train"):
+        sharp, blurred = (read_exposure(folder / name, tube_voltage_kvp=120.0) for folder in (made, tmp_path))
+        assert sharp.truth is not None
+        assert blurred.truth is not None
+        assert torch.equal(blurred.truth, sharp.truth)
+        less, more = (torch.log(each.exposure.moments.signal_mean).diff(n=2).norm() for each in (blurred, sharp))
+        assert 0.5 * more < less < 0.995 * more
+
+
 def test_an_interrupted_run_continues_and_its_bytes_are_those_of_an_uninterrupted_one(
     made: Path, tmp_path: Path
 ) -> None:

@@ -37,6 +37,8 @@ class SimulateDataset:
         views: Views per rotation.
         bins: Detector cells along the arc.
         size: Rows and columns of the truth; the phantom itself has pixels of half that size.
+        blur: Model the blur of the focal spot, the detector cells and the rotation during a view; takes ten times as
+            long.
         validation: Fraction of the patients held out for validation.
         test: Fraction of the patients held out for testing.
         seed: Random seed.
@@ -57,6 +59,7 @@ class SimulateDataset:
     views: int = Recipe.views
     bins: int = Recipe.bins
     size: int = Recipe.size
+    blur: bool = Recipe.blur
     validation: float = Recipe.validation
     test: float = Recipe.test
     seed: int = Recipe.seed

@@ -18,13 +18,13 @@ from pnpct.physics import TUBE_VOLTAGE_KVP
 from pnpct.simulation import (
     ANATOMIES,
     BINS,
+    BLURRED,
     BOWTIE,
     DETECTOR,
     TUBE_CURRENT_MA,
     VIEWS,
     Bowtie,
     Detector,
-    Sampling,
     clinical_fan_beam,
     expose,
     fingerprint,
@@ -35,7 +35,6 @@ from pnpct.simulation import (
 )
 
 USUAL_ANATOMY = "chest"
-FINE = Sampling(columns=2, focal_spot=(2, 2), views=2)
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,9 @@ class SimulateScan:
             else:
                 source = procedural_patient(self.anatomy or USUAL_ANATOMY, of_patient, size=self.size)
             phantom = source.body.slice(source.height if self.z is None else self.z, source.grid.halved)
-            exposure = expose(phantom, geometry, beam, sampling=FINE if self.blur else None, crosstalk=self.crosstalk)
+            exposure = expose(
+                phantom, geometry, beam, sampling=BLURRED if self.blur else None, crosstalk=self.crosstalk
+            )
             scan = exposure.scan(tube_current_ma=self.tube_current_ma, generator=of_noise)
         for note in source.notes:
             say(note)

@@ -24,6 +24,7 @@ from pnpct.simulation.phantom import Phantom, relative_attenuation, truth
 from pnpct.simulation.recipe import Recipe, Simulator, plan
 from pnpct.simulation.scanner import (
     BINS,
+    BLURRED,
     SLICE_THICKNESS,
     TUBE_CURRENT_MA,
     VIEWS,
@@ -41,6 +42,7 @@ from pnpct.simulation.voxel_body import VoxelBody
 __all__ = [
     "ANATOMIES",
     "BINS",
+    "BLURRED",
     "BOWTIE",
     "CCT189",
     "DETECTOR",

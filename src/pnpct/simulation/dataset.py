@@ -31,11 +31,18 @@ from pnpct.operators.processes import side_by_side
 from pnpct.physics import Moments
 from pnpct.simulation.anatomy import ANATOMIES
 from pnpct.simulation.beam import scanner_beam
-from pnpct.simulation.catsim import catsim_moments, cone_slices
+from pnpct.simulation.catsim import CatSimSampling, catsim_moments, cone_slices
 from pnpct.simulation.catsim_job import require_catsim
 from pnpct.simulation.phantom import truth
 from pnpct.simulation.recipe import Recipe, Station, plan
-from pnpct.simulation.scanner import SLICE_THICKNESS, as_exposure, clinical_fan_beam, simulate_moments
+from pnpct.simulation.scanner import (
+    BLURRED,
+    SLICE_THICKNESS,
+    Sampling,
+    as_exposure,
+    clinical_fan_beam,
+    simulate_moments,
+)
 from pnpct.simulation.sources import Source, fingerprint, from_files, is_phantom, procedural_patient
 
 
@@ -141,16 +148,27 @@ def _exposed(recipe: Recipe, source: Source, z: tuple[float, ...]) -> Iterator[d
     """Yield each row's exposures by tube voltage."""
     geometry, grid = _geometry(recipe), source.grid.halved
     beams = {voltage: scanner_beam(geometry, tube_voltage_kvp=voltage) for voltage in recipe.tube_voltages_kvp}
+    sampling = BLURRED if recipe.blur else Sampling()
     by_catsim: dict[float, Sequence[Moments]] = {}
     if recipe.simulator == "catsim":
         middle = (z[0] + z[-1]) / 2
         by_catsim = {
-            voltage: catsim_moments(source.body, geometry, tube_voltage_kvp=voltage, rows=len(z), z=middle, grid=grid)
+            voltage: catsim_moments(
+                source.body,
+                geometry,
+                tube_voltage_kvp=voltage,
+                rows=len(z),
+                z=middle,
+                grid=grid,
+                sampling=CatSimSampling(sampling.focal_spot, sampling.views),
+            )
             for voltage in beams
         }
     for row, height in enumerate(z):
         phantom = source.body.slice(height, grid)
-        moments = [of[row] for of in by_catsim.values()] or simulate_moments(phantom, geometry, [*beams.values()])
+        moments = [of[row] for of in by_catsim.values()] or simulate_moments(
+            phantom, geometry, [*beams.values()], sampling=sampling
+        )
         slices = {}
         for (voltage, beam), each in zip(beams.items(), moments, strict=True):
             image = truth(phantom, source.grid, energy=beam.effective_energy)

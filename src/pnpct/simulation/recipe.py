@@ -36,6 +36,7 @@ class Recipe:
         views: Views per rotation.
         bins: Detector cells along the arc.
         size: Rows and columns of the truth; the phantom that is scanned has pixels of half the size.
+        blur: Whether focal spot, detector cells and the rotation during a view blur the scans.
         noise_hu: Standard deviation of the noise to remove from CT series, HU.
         validation: Fraction of the patients of each anatomy that is held out for validation.
         test: Fraction that is held out for testing.
@@ -56,6 +57,7 @@ class Recipe:
     views: int = VIEWS
     bins: int = BINS
     size: int = DEFAULT_SIZE
+    blur: bool = False
     noise_hu: float = 0.0
     validation: float = 0.1
     test: float = 0.1

@@ -83,6 +83,10 @@ class Sampling:
                     )
 
 
+BLURRED = Sampling(columns=2, focal_spot=(2, 2), views=2)
+"""What is asked for as the blur of the scanner."""
+
+
 def _middles(parts: int) -> np.ndarray:
     """Middles of even parts of the interval from −1/2 to 1/2."""
     return (np.arange(parts) + 0.5) / parts - 0.5
@@ -166,7 +170,7 @@ def _averaged(samples: Sequence[Moments], crosstalk: float) -> Moments:
     return Moments(mean, variance, air_mean, air_variance, electronic_noise=air.electronic_noise)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=8)  # as many as `BLURRED` has; each may take more than half a gigabyte
 def _projector(grid: ImageGrid, geometry: FanBeam) -> Projector:
     """The slices of a body share their projectors, which take longer to make than to use."""
     return Projector(grid, geometry, mu_water=1.0)
