@@ -1,5 +1,7 @@
 import copy
+import gc
 import math
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -116,6 +118,18 @@ def test_a_projector_is_a_layer_that_follows_its_input(generator):
     torch.testing.assert_close(copy.deepcopy(layer).to(torch.float64).A @ x, A(x))  # as training copies networks
     with pytest.raises(ValueError, match="Projector takes arrays that end in"):
         A @ (A @ x)
+
+
+def test_what_nobody_holds_is_freed_at_once():
+    A = Projector(GRID, FAN)
+    A(torch.zeros(GRID.shape))
+    kernels = weakref.ref(A._kernels(torch.device("cpu")))
+    gc.disable()  # reference cycles stay, with all arrays, until it is their turn
+    try:
+        del A
+        assert kernels() is None
+    finally:
+        gc.enable()
 
 
 def test_a_batch_is_its_slices(world, generator):

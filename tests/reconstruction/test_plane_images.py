@@ -1,11 +1,13 @@
 """Planes of a volume that other processes make."""
 
+import gc
+
 import pytest
 import torch
 from cone_scans import HELIX, scan_of_water
 
 from pnpct.geometry import ImageGrid, VolumeGrid
-from pnpct.operators import processes
+from pnpct.operators import Projector, processes
 from pnpct.physics import Scan, take_log
 from pnpct.reconstruction import FBP, reconstruct_volume
 from pnpct.reconstruction.parts import _unpacked
@@ -45,6 +47,21 @@ def test_they_are_those_of_one_process_and_a_process_unpacks_once(rays):
     assert torch.equal(volume(rays, processes=2), volume(rays))
     assert _unpacked.cache_info().misses == 1
     assert _unpacked.cache_info().hits > 3
+
+
+def test_no_projector_of_a_volume_outlives_it(rays):
+    gc.collect()
+    gc.disable()  # reference cycles stay, with all arrays, until it is their turn
+    try:
+        before = projectors()
+        volume(rays)
+        assert projectors() <= before
+    finally:
+        gc.enable()
+
+
+def projectors() -> int:
+    return sum(type(each) is Projector for each in gc.get_objects())
 
 
 def test_what_cannot_be_given_to_other_processes_is_said(rays):

@@ -1,6 +1,6 @@
 """The projector of a fan beam: line integrals of an image, their exact adjoint, and gradients through both."""
 
-from functools import lru_cache, partial
+from functools import partial
 from typing import final
 
 import torch
@@ -70,7 +70,10 @@ class Projector(LinearOperator):
         self.grid, self.geometry, self.mu_water, self.method = grid, require_fan_beam(geometry), mu_water, method
         self.domain_shape, self.range_shape = grid.shape, geometry.shape
         check_reach(grid, self.geometry)
-        self._kernels = lru_cache(maxsize=4)(self._make_kernels)
+        self._made: dict[torch.device, Kernels] = {}
+
+    def __deepcopy__(self, _memo: object) -> "Projector":
+        return self  # it never changes, and its tables are large
 
     @override
     def forward(self, x: Image) -> Rays:
@@ -99,6 +102,11 @@ class Projector(LinearOperator):
         answer = result * (self.mu_water**2 if squared else self.mu_water)
         shape = self.domain_shape if transpose else self.range_shape
         return answer.reshape(*array.shape[:-2], *shape).to(array.dtype)
+
+    def _kernels(self, device: torch.device) -> Kernels:
+        if device not in self._made:
+            self._made[device] = self._make_kernels(device)
+        return self._made[device]
 
     def _make_kernels(self, device: torch.device) -> Kernels:
         what = (

@@ -55,9 +55,11 @@ class PlaneImages:
 
     @cached_property
     def _projector(self) -> Callable[[FanBeam], Projector]:
-        return lru_cache(maxsize=WINDOWS)(lambda fan: Projector(self.grid, fan, mu_water=self.mu_water))
+        grid, mu_water = self.grid, self.mu_water  # without self, so that all goes when this does
+        return lru_cache(maxsize=WINDOWS)(lambda fan: Projector(grid, fan, mu_water=mu_water))
 
     @cached_property
     def _sinogram_of(self) -> Callable[[int], Sinogram]:
-        of_views = lru_cache(maxsize=self.planes.most_blocks)
-        return of_views(lambda block: self.rays(self.planes.views_of(block).tolist()))
+        planes, rays = self.planes, self.rays
+        of_views = lru_cache(maxsize=planes.most_blocks)
+        return of_views(lambda block: rays(planes.views_of(block).tolist()))

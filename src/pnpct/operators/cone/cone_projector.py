@@ -1,6 +1,6 @@
 """The projector of a cone beam: line integrals of a volume, their exact adjoint, and gradients through both."""
 
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, final
 
 import torch
@@ -61,7 +61,10 @@ class ConeProjector(LinearOperator):
         check_volume(grid, geometry)
         self.grid, self.geometry, self.mu_water = grid, geometry, mu_water
         self.domain_shape, self.range_shape = grid.shape, geometry.shape
-        self._kernels = lru_cache(maxsize=4)(self._make_kernels)
+        self._made: dict[torch.device, CpuConeProjector | TorchConeProjector] = {}
+
+    def __deepcopy__(self, _memo: object) -> "ConeProjector":
+        return self  # it never changes, and its tables are large
 
     @override
     def forward(self, x: Volume) -> ConeRays:
@@ -92,6 +95,11 @@ class ConeProjector(LinearOperator):
             result = kernels.back_project(values, squared=squared) if transpose else kernels.project(values)
             torch.mul(torch.as_tensor(result), scale, out=target)
         return answer
+
+    def _kernels(self, device: torch.device) -> CpuConeProjector | TorchConeProjector:
+        if device not in self._made:
+            self._made[device] = self._make_kernels(device)
+        return self._made[device]
 
     def _make_kernels(self, device: torch.device) -> CpuConeProjector | TorchConeProjector:
         if device.type == "cpu":
