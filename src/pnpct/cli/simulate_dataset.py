@@ -37,7 +37,7 @@ class SimulateDataset:
         views: Views per rotation.
         bins: Detector cells along the arc.
         size: Rows and columns of the truth; the phantom itself has pixels of half that size.
-        blur: Model the blur of the focal spot, the detector cells and the rotation during a view; takes ten times as
+        blur: Model the blur of the focal spot, the detector cells and the rotation during a view; takes about twice as
             long.
         validation: Fraction of the patients held out for validation.
         test: Fraction of the patients held out for testing.

@@ -57,8 +57,8 @@ class SimulateScan:
         bowtie: Bow-tie filter, for a large, medium or small body.
         detector: Type of detector.
         crosstalk: Fraction of the x-rays of a detector cell that each of its neighbours detects.
-        blur: Model the blur of the focal spot, the detector cells and the rotation during a view; takes ten times as
-            long.
+        blur: Model the blur of the focal spot, the detector cells and the rotation during a view; takes two to
+            three times as long.
         views: Views per rotation.
         bins: Detector cells along the arc.
         size: Rows and columns of the truth; the phantom itself has pixels of half that size.

@@ -84,7 +84,7 @@ class Sampling:
 
 
 BLURRED = Sampling(columns=2, focal_spot=(2, 2), views=2)
-"""What is asked for as the blur of the scanner."""
+"""The blur of the scanner, where scans are to have it: eight projections in place of one."""
 
 
 def _middles(parts: int) -> np.ndarray:
@@ -170,7 +170,7 @@ def _averaged(samples: Sequence[Moments], crosstalk: float) -> Moments:
     return Moments(mean, variance, air_mean, air_variance, electronic_noise=air.electronic_noise)
 
 
-@lru_cache(maxsize=8)  # as many as `BLURRED` has; each may take more than half a gigabyte
+@lru_cache(maxsize=8)  # as many as `BLURRED` has; each takes 0.2 GB
 def _projector(grid: ImageGrid, geometry: FanBeam) -> Projector:
     """The slices of a body share their projectors, which take longer to make than to use."""
     return Projector(grid, geometry, mu_water=1.0)
