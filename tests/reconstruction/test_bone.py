@@ -3,12 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy import ndimage
 
 from pnpct.geometry import ImageGrid
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Scan, Sinogram, take_log
 from pnpct.reconstruction import FBP, corrected_for_bone
-from pnpct.simulation import Phantom, clinical_fan_beam, expose
+from pnpct.simulation import Phantom, clinical_fan_beam, expose, truth
 
 GRID = ImageGrid(96, 96, spacing=2.5)
 
@@ -41,6 +42,24 @@ def test_the_brain_is_flat_in_its_skull(scan: Scan) -> None:
     assert rim_before - middle_before > 8
     assert abs(rim - middle) < 3
     assert max(abs(middle), abs(rim)) < 4 < rim_before
+
+
+def test_fat_and_contrast_medium_are_corrected_too() -> None:
+    """A child: fat around muscle, and a liver with contrast medium in it."""
+    fine, grid = ImageGrid(384, 384, spacing=0.9), ImageGrid(128, 128, spacing=2.7)
+    x, y = torch.from_numpy(fine.x), torch.from_numpy(fine.y[:, None].copy())
+    ellipses = ((0, 100, 80), (0, 85, 65), (-30, 40, 50))
+    body, lean, liver = (((x - middle) / a) ** 2 + (y / b) ** 2 < 1 for middle, a, b in ellipses)
+    layers = torch.stack([each.float() for each in (~body, body & ~lean, lean & ~liver, 0.75 * liver, 0.25 * liver)])
+    phantom = Phantom(("air", "adipose", "muscle", "liver", "iodinated blood"), layers, fine)
+    scan = expose(phantom, clinical_fan_beam(views=180, bins=450)).scan(tube_current_ma=400.0, generator=None)
+    A, sinogram = projector(scan, grid), take_log(scan)
+    ideal = FBP()(Sinogram(A(truth(phantom, grid, energy=71.5)), sinogram.weights), A).image
+    of_water, of_tissue = (1000 * (FBP()(each, A).image - ideal) for each in (replace(sinogram, bone=None), sinogram))
+    for tissue in (body & ~lean, liver):
+        inside = torch.from_numpy(ndimage.binary_erosion(tissue[1::3, 1::3].numpy(), iterations=2))
+        assert abs(float(of_water[inside].mean())) > 7
+        assert abs(float(of_tissue[inside].mean())) < 2
 
 
 def test_weights_stay_inverse_variances(scan: Scan) -> None:
