@@ -85,7 +85,7 @@ class Judge:
 
         def watched(states: Iterator[ADMMState], _most: int) -> Iterable[ADMMState]:
             for state in states:
-                errors.append(self.errors(state.v[None]))
+                errors.append(self.errors(_surrounded(state.v, self.truth.shape[-2:])[None]))
                 yield state
 
         method(self.first, self.A, progress=watched)
@@ -121,6 +121,12 @@ class Judge:
         frequency = torch.hypot(torch.fft.fftfreq(noise.shape[0])[:, None], torch.fft.fftfreq(noise.shape[1]))
         ring = (frequency / 0.5 * RINGS).long()
         return [float(power[ring == number].mean()) for number in range(RINGS)]
+
+
+def _surrounded(image: Image, shape: tuple[int, ...]) -> Image:
+    """An iterate, which leaves out air around the object, in the middle of a whole image."""
+    rows, cols = ((whole - part) // 2 for whole, part in zip(shape, image.shape, strict=True))
+    return torch.nn.functional.pad(image, (cols, cols, rows, rows))
 
 
 def judge(

@@ -21,6 +21,7 @@ from pnpct.reconstruction.normal_equations import NormalOperator, conjugate_grad
 from pnpct.reconstruction.pnp_admm import ADMMState
 from pnpct.reconstruction.tilted_volume import StartingImage, tilted_volume
 from pnpct.reconstruction.whole_volume import whole_volume
+from pnpct.reconstruction.without_air import inside, without_air_of
 
 ANGLES = 2 * math.pi / 72 * np.arange(216)
 HELIX = ConeBeam(
@@ -131,6 +132,20 @@ def test_thick_slices_are_means_of_thin_ones(sinogram, thickness, spread):
     (slab,) = slabs
     expected = torch.from_numpy(grid.heights**2 + spread * ROW**2).float()
     torch.testing.assert_close(slab.image[:, 0, 0], expected)
+
+
+def test_air_around_the_body_is_left_out(sinogram):
+    plane = ImageGrid(168, 168, spacing=2.5)
+    whole = whole_volume(sinogram, ConeProjector(VolumeGrid(plane, 2, ROW), HELIX, mu_water=0.0193))
+    body = torch.from_numpy(np.hypot(plane.x / 165.0, plane.y[:, None] / 125.0) < 1.0).float()
+    volume = body.expand(whole.A.domain_shape).clone()
+    narrow = without_air_of(volume, whole)
+    assert narrow.A.grid.plane.rows == 136
+    assert narrow.A.grid.slices == whole.A.grid.slices
+    cut_out = narrow.cut_out(inside(volume, narrow.A.grid.plane))
+    torch.testing.assert_close(cut_out, whole.cut_out(volume), rtol=0, atol=1e-3)
+    change = narrow.sinogram.line_integrals - whole.sinogram.line_integrals
+    assert float(change.abs().max()) < 1e-3
 
 
 def test_fourier_needs_fewer_steps_than_none_in_space(sinogram, A, body):

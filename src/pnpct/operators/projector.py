@@ -94,6 +94,10 @@ class Projector(LinearOperator):
         self._kernels(torch.device(device))
         return self
 
+    def on(self, plane: ImageGrid) -> "Projector":
+        """Return the projector of the same rays onto other pixels."""
+        return Projector(plane, self.geometry, mu_water=self.mu_water, method=self.method)
+
     def _apply(self, array: Tensor, *, transpose: bool, squared: bool = False) -> Tensor:
         """Run the kernels for the device on a batch, in units of water."""
         slices = array.reshape(-1, *array.shape[-2:]).float().contiguous()

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from pnpct.denoisers import Denoise
 from pnpct.denoisers.learned import DENSEST, LearnedDenoiser
-from pnpct.operators import Projector
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.normal_equations import balanced_sigma_v
 from pnpct.reconstruction.starting import far_apart
@@ -39,7 +38,7 @@ def on_finer_pixels(whole: Whole, denoise: Denoise) -> Whole:
     finer = A.grid.halved
     known = isinstance(denoise, LearnedDenoiser) and denoise.finest_pixel and finer.spacing >= denoise.finest_pixel
     pixels, views, bins = A.grid.rows * A.grid.cols, *A.geometry.shape
-    divided = Projector(finer, A.geometry, mu_water=A.mu_water, method=A.method)
+    divided = A.on(finer)
     few_views = far_apart(divided)
     enough_rays = (views * bins >= pixels or few_views) and not A.geometry.limited_angle
     if not known or not enough_rays or pixels > LARGEST or finer.spacing < FINEST * A.geometry.bin_width_at_isocenter:

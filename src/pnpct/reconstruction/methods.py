@@ -30,6 +30,7 @@ from pnpct.reconstruction.stopping import RuleName
 from pnpct.reconstruction.tilted_volume import StartingImage, tilted_volume
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
 from pnpct.reconstruction.whole_volume import WholeVolume, corrected_for_bone_in, whole_volume
+from pnpct.reconstruction.without_air import inside, without_air, without_air_of
 
 FIRST = 3.0
 """σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
@@ -136,7 +137,7 @@ class TVPWLS:
         """Reconstruct."""
         if isinstance(A, ConeProjector):
             return iterated(self, *_in_space(sinogram, A), progress)
-        whole = _whole(sinogram, A)
+        whole = without_air(_whole(sinogram, A))
         return iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
 
 
@@ -226,6 +227,8 @@ class PlugAndPlay:
         if far_apart(divided.A):
             said = f"Views are far apart: it began with total variation, and σ_v falls to {self._last(divided.A):g} HU."
             divided = replace(divided, notes=(*divided.notes, said))
+        if self.solver in ITERATIVE:  # direct solvers are for what was asked for
+            divided = without_air(divided)
         start = starting_state(divided.sinogram, divided.A)
         return iterated(self, divided, start, progress, mean_of=iterates_in_image(self.denoise))
 
@@ -275,7 +278,8 @@ def _in_space(sinogram: Sinogram, A: ConeProjector) -> tuple[WholeVolume, ADMMSt
     if A.geometry.trajectory.feed:
         row = A.geometry.row_height_at_isocenter
         start = tilted_volume(sinogram, whole.A, StartingImage(), plane_spacing=row)
-        return corrected_for_bone_in(start, whole), ADMMState.start(start)
+        whole = without_air_of(start, corrected_for_bone_in(start, whole))
+        return whole, ADMMState.start(inside(start, whole.A.grid.plane).contiguous())
     first, _ = circle_volume(sinogram, whole.A, "soft")
-    whole = corrected_for_bone_in(first, whole)
+    whole = without_air_of(first, corrected_for_bone_in(first, whole))
     return whole, starting_state(whole.sinogram, whole.A)

@@ -33,7 +33,10 @@ class Reconstruction:
 
 
 Progress: TypeAlias = Callable[[Iterator[ADMMState], int], Iterable[ADMMState]]
-"""From the iterates of a method, and their maximum number, to the same iterates, displayed or recorded as they pass."""
+"""From the iterates of a method, and their maximum number, to the same iterates, displayed or recorded as they pass.
+
+They have the pixels of the iterations: more than were asked for where the object needs them, fewer where there is air.
+"""
 
 
 @runtime_checkable

@@ -18,6 +18,7 @@ from pnpct.reconstruction.reconstructed import Method, Progress, Reconstruction,
 from pnpct.reconstruction.starting import starting_state
 from pnpct.reconstruction.volume import reconstruct_volume
 from pnpct.reconstruction.whole_object import beyond_fan, beyond_image
+from pnpct.reconstruction.without_air import without_air
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class StartingImage:
         """Return it."""
         del progress
         assert isinstance(A, Projector)
-        whole = beyond_image(beyond_fan(corrected_for_bone(filled_from_image(sinogram, A), A), A))
+        whole = without_air(beyond_image(beyond_fan(corrected_for_bone(filled_from_image(sinogram, A), A), A)))
         return Reconstruction(whole.cut_out(starting_state(whole.sinogram, whole.A).v), self.settings)
 
 

@@ -6,6 +6,7 @@ fan, FBP makes a bright rim; iterative methods explain by the pixels they have a
 
 import math
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import torch
@@ -14,9 +15,13 @@ from torch import Tensor
 
 from pnpct.arrays import Image, Rays
 from pnpct.geometry import FanBeam, ImageGrid
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.half_resolution import coarser_grid, halved
+
+WholeImage: TypeAlias = Float[Tensor, "*batch whole_rows whole_cols"]
+"""An image on all pixels that hold the object, and those of air around it."""
 
 AIR = 0.2
 """Line integral that air and noise do not have: 10 mm of water."""
@@ -49,19 +54,34 @@ class Whole:
         A: The projector; its pixels are as large as those asked for, or half as large.
         asked: The grid that was asked for, within that of the projector.
         notes: What was done, in sentences.
+        around: What lies around the pixels of the projector, on more of them, 0 within; None if these are all.
     """
 
     sinogram: Sinogram
     A: Projector
     asked: ImageGrid
     notes: tuple[str, ...] = ()
+    around: Image | None = None
+
+    __repr__ = short_repr
 
     def cut_out(self, image: Image) -> Float[Tensor, "*batch asked_rows asked_cols"]:
         """Return the part of an image that was asked for, in pixels of the size that was asked for."""
-        grid, asked = self.A.grid, self.asked
+        (image, grid), asked = surrounded(image, self.A.grid, self.around), self.asked
         if grid.spacing < asked.spacing:
             image, grid = halved(image), coarser_grid(grid)
         return part_of(image, grid, asked)
+
+
+def surrounded(image: Image, grid: ImageGrid, around: WholeImage | None) -> tuple[WholeImage, ImageGrid]:
+    """Return an image within what lies around it, and the grid of both, which has the same centre."""
+    if around is None:
+        return image, grid
+    rows, cols = around.shape[-2:]
+    top, left = (rows - grid.rows) // 2, (cols - grid.cols) // 2
+    whole = around.clone()
+    whole[..., top : top + grid.rows, left : left + grid.cols] = image
+    return whole, replace(grid, rows=rows, cols=cols)
 
 
 def part_of(image: Image, grid: ImageGrid, asked: ImageGrid) -> Float[Tensor, "*batch asked_rows asked_cols"]:
@@ -118,7 +138,8 @@ def beyond_image(whole: Whole) -> Whole:
     """
     A, grid, geometry = whole.A, whole.A.grid, whole.A.geometry
     p = whole.sinogram.line_integrals
-    missing = _mean((A(torch.ones(grid.shape).to(p)) == 0).to(p)) == 1
+    coarse = A.on(coarser_grid(grid))  # the same square for a quarter of the time
+    missing = _mean((coarse(torch.ones(coarse.domain_shape).to(p)) == 0).to(p)) == 1
     if not bool(missing.any()):
         return whole
     through = _through_object(p).reshape(-1, *geometry.shape).any(0)
@@ -141,8 +162,7 @@ def beyond_image(whole: Whole) -> Whole:
         f"Rays through the object miss the image; {wide.rows} x {wide.cols} pixels were reconstructed, and the part "
         "that was asked for cut out."
     )
-    wider = Projector(wide, geometry, mu_water=A.mu_water, method=A.method)
-    return replace(whole, A=wider, notes=(*whole.notes, note))
+    return replace(whole, A=A.on(wide), notes=(*whole.notes, note))
 
 
 def lines_left_out(sinogram: Sinogram, geometry: FanBeam) -> tuple[str, ...]:

@@ -13,11 +13,12 @@ from torch import Tensor
 
 from pnpct.arrays import Volume
 from pnpct.geometry import VolumeGrid, rays_inside, slices_beyond
+from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import ConeProjector, Projector
 from pnpct.operators.cone.cone_lines import seen_along_the_axis
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.bone import with_bone_of
-from pnpct.reconstruction.whole_object import beyond_fan, beyond_image, part_of
+from pnpct.reconstruction.whole_object import beyond_fan, beyond_image, part_of, surrounded
 
 LOOKED_AT = 96
 """Views in whose middle row it is seen whether the object is in the image."""
@@ -32,18 +33,24 @@ class WholeVolume:
         A: The projector.
         asked: The grid that was asked for, in the middle of that of the projector.
         notes: What was done, in sentences.
+        around: What lies around the voxels of the projector, on more of them in each slice, 0 within; None if these
+            are all.
     """
 
     sinogram: Sinogram
     A: ConeProjector
     asked: VolumeGrid
     notes: tuple[str, ...] = ()
+    around: Volume | None = None
+
+    __repr__ = short_repr
 
     def cut_out(self, volume: Volume) -> Float[Tensor, "*batch asked_slices asked_rows asked_cols"]:
         """Return the slices, and the part of them, that were asked for."""
+        volume, plane = surrounded(volume, self.A.grid.plane, self.around)
         beyond = (self.A.grid.slices - self.asked.slices) // 2
         slices = volume[..., beyond : beyond + self.asked.slices, :, :]
-        return part_of(slices, self.A.grid.plane, self.asked.plane)
+        return part_of(slices, plane, self.asked.plane)
 
 
 def whole_volume(sinogram: Sinogram, A: ConeProjector) -> WholeVolume:

@@ -1,5 +1,6 @@
 """The projector of a cone beam: line integrals of a volume, their exact adjoint, and gradients through both."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, final
 
@@ -8,7 +9,7 @@ from torch import Tensor
 from typing_extensions import override
 
 from pnpct.arrays import ConeRays, Volume
-from pnpct.geometry import ConeBeam, VolumeGrid
+from pnpct.geometry import ConeBeam, ImageGrid, VolumeGrid
 from pnpct.operators.cone.cone_lines import check_volume
 from pnpct.operators.cone.cpu_cone_projector import CpuConeProjector
 from pnpct.operators.cone.torch_cone_projector import TorchConeProjector
@@ -82,6 +83,10 @@ class ConeProjector(LinearOperator):
         Where strips are wider than two pixels it is too small: they are cut into parts, and a² is summed over these.
         """
         return self._apply(weights.detach(), transpose=True, squared=True)
+
+    def on(self, plane: ImageGrid) -> "ConeProjector":
+        """Return the projector of the same rays onto slices of other pixels."""
+        return ConeProjector(replace(self.grid, plane=plane), self.geometry, mu_water=self.mu_water)
 
     def _apply(self, array: Tensor, *, transpose: bool, squared: bool = False) -> Tensor:
         """Run the kernels for the device on each of a batch, in units of water."""
