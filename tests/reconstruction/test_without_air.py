@@ -10,7 +10,7 @@ from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import TVPWLS, methods
-from pnpct.reconstruction.whole_object import Whole
+from pnpct.reconstruction.whole_object import RIM, Whole
 from pnpct.reconstruction.without_air import inside, without_air, without_air_of
 
 GEOMETRY = FanBeam(evenly_spaced_views(90), 100, source_to_isocenter=541.0, source_to_detector=949.0, bin_width=8.0)
@@ -43,6 +43,8 @@ def test_the_pixels_that_stay_hold_the_object_where_it_was(grid):
     assert whole.A.grid.rows < 120
     assert whole.A.grid.cols < grid.cols
     assert float(whole.cut_out(torch.zeros_like(part)).max()) < 0.01
+    ones = whole.cut_out(torch.ones_like(part))  # but for its rim
+    assert int((ones == 1).sum()) == (part.shape[0] - 2 * RIM) * (part.shape[1] - 2 * RIM)
     assert torch.equal(whole.cut_out(part)[image > 0], image[image > 0])
     assert whole.cut_out(part).shape == grid.shape
     for axis in (0, 1):
@@ -55,7 +57,8 @@ def test_rays_lose_what_they_meet_around():
     image = body(GRID) + foam(GRID)
     before = of(image)
     whole = without_air_of(image, before)
-    together = whole.A(inside(image, whole.A.grid)) + before.A(whole.around)
+    around = whole.cut_out(torch.zeros(whole.A.domain_shape))
+    together = whole.A(inside(image, whole.A.grid)) + before.A(around)
     assert float(together.sum()) == pytest.approx(float(before.sinogram.line_integrals.sum()), rel=2e-3)
     assert float((together - before.sinogram.line_integrals).abs().max()) < 0.06  # foam is blurred
     assert float((before.sinogram.line_integrals - whole.sinogram.line_integrals).max()) > 0.03
@@ -89,6 +92,18 @@ def test_else_all_pixels_stay(kind):
     geometry = {"limited angle": GEOMETRY[:25], "few views": GEOMETRY[::4]}.get(kind, GEOMETRY)
     whole = of(image, geometry=geometry)
     assert without_air_of(image, whole) is whole
+
+
+def test_where_nothing_is_left_out_the_image_has_no_rim():
+    tall = body(ImageGrid(160, 160, spacing=2.0)).T.contiguous()  # reaches the border of a smaller grid
+    grid = ImageGrid(96, 160, spacing=2.5)
+    image = tall[32:128]
+    whole = without_air_of(image, of(image, grid))
+    assert whole.A.grid.rows == 96
+    assert whole.A.grid.cols < 160
+    ones = whole.cut_out(torch.ones(whole.A.domain_shape))
+    assert torch.equal(ones[0] == 1, ones[48] == 1)
+    assert int((ones[0] == 1).sum()) == whole.A.grid.cols - 2 * RIM
 
 
 def test_a_batch_keeps_what_any_of_it_needs():

@@ -41,6 +41,9 @@ FITTED = 8
 REACH, WIDEST = 1.6, 0.6
 """How far the object is followed at most, in radii of the field of view and in distances of the focal spot."""
 
+RIM = 4
+"""Pixels of air at the border of the iterations, of which a network, which sees nothing beyond, makes 5 HU."""
+
 LARGEST = 4096**2
 """Pixels of the largest image that is reconstructed for the sake of a part of it."""
 
@@ -54,7 +57,7 @@ class Whole:
         A: The projector; its pixels are as large as those asked for, or half as large.
         asked: The grid that was asked for, within that of the projector.
         notes: What was done, in sentences.
-        around: What lies around the pixels of the projector, on more of them, 0 within; None if these are all.
+        around: What lies around the pixels of the projector, on more of them; None if these are all.
     """
 
     sinogram: Sinogram
@@ -74,13 +77,14 @@ class Whole:
 
 
 def surrounded(image: Image, grid: ImageGrid, around: WholeImage | None) -> tuple[WholeImage, ImageGrid]:
-    """Return an image within what lies around it, and the grid of both, which has the same centre."""
+    """Return an image, less its rim, within what lies around it, and the grid of both, which has the same centre."""
     if around is None:
         return image, grid
-    rows, cols = around.shape[-2:]
+    (rows, cols), whole = around.shape[-2:], around.clone()
     top, left = (rows - grid.rows) // 2, (cols - grid.cols) // 2
-    whole = around.clone()
-    whole[..., top : top + grid.rows, left : left + grid.cols] = image
+    rim = RIM * (top > 0), RIM * (left > 0)
+    inner = image[..., rim[0] : grid.rows - rim[0], rim[1] : grid.cols - rim[1]]
+    whole[..., top + rim[0] : rows - top - rim[0], left + rim[1] : cols - left - rim[1]] = inner
     return whole, replace(grid, rows=rows, cols=cols)
 
 

@@ -33,8 +33,7 @@ class WholeVolume:
         A: The projector.
         asked: The grid that was asked for, in the middle of that of the projector.
         notes: What was done, in sentences.
-        around: What lies around the voxels of the projector, on more of them in each slice, 0 within; None if these
-            are all.
+        around: What lies around the voxels of the projector, on more of them in each slice; None if these are all.
     """
 
     sinogram: Sinogram

@@ -61,11 +61,10 @@ def without_air_of(image: Image, whole: AnyWhole) -> AnyWhole:
     if A.geometry.limited_angle or far_apart(A) or shape == plane.shape:
         return whole
     narrow = replace(plane, rows=shape[0], cols=shape[1])
-    around = doubled(squares, half.shape)
-    inside(around, coarser_grid(narrow)).zero_()
-    rays = whole.sinogram.line_integrals - A.on(half)(around)
-    around = doubled(around, plane.shape)
-    inside(around, narrow).zero_()
+    first = doubled(squares, half.shape)
+    around = doubled(first, plane.shape)
+    inside(first, coarser_grid(narrow)).zero_()
+    rays = whole.sinogram.line_integrals - A.on(half)(first)
     return replace(whole, sinogram=replace(whole.sinogram, line_integrals=rays), A=A.on(narrow), around=around)
 
 
