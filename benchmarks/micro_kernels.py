@@ -16,12 +16,12 @@ from pnpct.operators.ray_lines import LEFT, RIGHT, TAPS
 from pnpct.operators.strip_kernels import (
     BLOCK,
     CHUNK,
-    _block,
     _gather2,
     _gather3,
-    _rows_together,
+    _height,
     _scatter2,
     _scatter3,
+    rows_together,
 )
 from pnpct.operators.vector_ir import Vector, element
 
@@ -61,7 +61,7 @@ def multiply_adds(values, times, lanes):
 def gather_given(image, place, weight, rays, chunks, shift, turnaround, wide, lanes):
     """`project` with the weights given: `chunks` chunks of strips on every block of rows."""
     stride, last = np.int64(image.shape[1] * len(lanes)), np.uint64(rays.shape[0] // CHUNK)
-    for row in range(0, image.shape[0], _rows_together(lanes)):
+    for row in range(0, image.shape[0], _height(lanes)):
         for chunk in range(chunks):
             start = row * stride + (chunk * shift % turnaround) * len(lanes)
             strip = np.uint64(chunk) % last * np.uint64(CHUNK)
@@ -77,7 +77,7 @@ def scatter_given(image, place, weight, rays, chunks, shift, turnaround, wide, l
     """`back_project` with the weights given."""
     stride, last = np.int64(image.shape[1] * len(lanes)), np.uint64(rays.shape[0] // CHUNK)
     length, power = np.float32(1), (0.0,)
-    for row in range(0, image.shape[0], _rows_together(lanes)):
+    for row in range(0, image.shape[0], _height(lanes)):
         for chunk in range(chunks):
             start = row * stride + (chunk * shift % turnaround) * len(lanes)
             strip = np.uint64(chunk) % last * np.uint64(CHUNK)
@@ -98,7 +98,7 @@ def given(side: int, width: float, slope: float, lanes: int) -> tuple[Array, np.
         slope: Columns from one row to the next.
         lanes: Numbers per pixel.
     """
-    rows, height = _block(lanes), -(-side // BLOCK) * BLOCK
+    rows, height = rows_together(lanes), -(-side // BLOCK) * BLOCK
     image, rays = aligned((height, LEFT + side + RIGHT, lanes)), aligned((64 * CHUNK, lanes))
     image[:] = 1e-3
     slot, row = np.arange(CHUNK)[:, None], np.arange(rows)

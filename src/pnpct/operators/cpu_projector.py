@@ -11,7 +11,7 @@ from pnpct.operators import lane_kernels as lanes
 from pnpct.operators import strip_kernels as kernels
 from pnpct.operators.lane_kernels import Array
 from pnpct.operators.ray_lines import LEFT, RIGHT, RayLines
-from pnpct.operators.strip_kernels import BLOCK, CHUNK
+from pnpct.operators.strip_kernels import BLOCK, CHUNK, rows_together
 from pnpct.operators.threads import parallel
 from pnpct.operators.tiles import tile
 
@@ -58,9 +58,8 @@ class CpuProjector:
                 cells, rows = table.measured.shape[0], self._image_shape[0]
                 for at in range(0, rays.shape[0], slices):
                     parallel(lanes.pack_rays, cells, source, table.measured, table.parts, at, strips)
-                    parallel(
-                        kernels.back_project, len(image), image, lines, strips, *shape, power, width, multiple=BLOCK
-                    )
+                    arguments = (image, lines, strips, *shape, power, width)
+                    parallel(kernels.back_project, len(image), *arguments, multiple=rows_together(size))
                     parallel(
                         lanes.unpack_image,
                         rows,

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
+from llvmlite.binding import get_host_cpu_features
 from numba import njit, types
 from numba.extending import intrinsic
 
@@ -29,21 +30,25 @@ CHUNK = 32
 """Strips treated before their weights are used: reading immediately what was just written would stall."""
 
 
-def _block(lanes: int) -> int:
+_TALLEST, _SHARED = (BLOCK, 256) if get_host_cpu_features().get("avx512f") else (32, 512)
+"""Rows of a block at most, and rows times lanes. Shorter vectors lose less to rows beyond the end of a strip."""
+
+
+def rows_together(lanes: int) -> int:
     """Rows treated together: many, to share what a strip costs, but so few that they stay in the nearest caches."""
-    return max(16, min(BLOCK, 256 // lanes))
+    return max(16, min(_TALLEST, _SHARED // lanes))
 
 
 @njit(inline="always")
-def _rows_together(lanes):
-    return max(16, min(BLOCK, 256 // len(lanes)))
+def _height(lanes):
+    return max(16, min(_TALLEST, _SHARED // len(lanes)))
 
 
 def _weigh(taps: int) -> Callable[..., None]:
     @intrinsic
     def weigh(_, edge, slope, width, widening, strip, row, cols, stride, place, weight, slot, lanes):
         """Write place[slot, r] and weight[slot, t, r] of a strip on the rows of a block that begins at `row`."""
-        size, rows = lanes.count, _block(lanes.count)
+        size, rows = lanes.count, rows_together(lanes.count)
         signature = types.void(edge, slope, width, widening, strip, row, cols, stride, place, weight, slot, lanes)
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
@@ -80,7 +85,7 @@ def _weigh(taps: int) -> Callable[..., None]:
 def _steps(context: Any, builder: ir.IRBuilder, signature: Any, args: Any, taps: int, lanes: Any) -> Any:
     """Pointers to the first column and the tap weights on each row, and to the lanes of the strip."""
     image, row_start, place, weight, slot, rays, strip = args[:7]
-    size, rows = lanes.count, _block(lanes.count)
+    size, rows = lanes.count, rows_together(lanes.count)
     base = element(context, builder, signature.args[0], image, row_start)
     places = element(context, builder, signature.args[2], place, times(builder, slot, rows))
     weights = element(context, builder, signature.args[3], weight, times(builder, slot, rows * (TAPS - 1)))
@@ -123,7 +128,7 @@ def _gather(taps: int) -> Callable[..., None]:
             sums: list[Any] = [None] * 4
             if together > 1:
                 vector = Vector(builder, together * size)
-                for row in range(_block(lanes.count)):
+                for row in range(rows_together(lanes.count)):
                     source, parts = step(row)
                     term = vector.mul(vector.load(source, align), _spread(vector, parts, taps, size))
                     sums[row % 4] = term if row < 4 else vector.add(sums[row % 4], term)
@@ -140,7 +145,7 @@ def _gather(taps: int) -> Callable[..., None]:
                 for piece in pieces:
                     result = lane.add(result, piece)
             else:
-                for row in range(_block(lanes.count)):
+                for row in range(rows_together(lanes.count)):
                     source, parts = step(row)
                     values = [
                         lane.load(builder.gep(source, [ir.Constant(LONG, tap * size)]), align) for tap in range(taps)
@@ -176,13 +181,13 @@ def _scatter(taps: int) -> Callable[..., None]:
                 vector = Vector(builder, together * size)
                 repeat = ir.Constant(ir.VectorType(INT, vector.size), [e % size for e in range(vector.size)])
                 values = builder.shuffle_vector(value, value, repeat)
-                for row in range(_block(lanes.count)):
+                for row in range(rows_together(lanes.count)):
                     target, parts = step(row)
                     factor = _spread(vector, parts, taps, size)
                     factor = vector.mul(factor, factor) if squared else factor
                     vector.store(vector.add(vector.load(target, align), vector.mul(values, factor)), target, align)
                 return context.get_dummy_value()
-            for row in range(_block(lanes.count)):
+            for row in range(rows_together(lanes.count)):
                 target, parts = step(row)
                 filled = [lane.constant([1] * size), *[lane.fill(part) for part in parts]]
                 for tap in range(taps):
@@ -212,7 +217,7 @@ def _prepare(lines, strip, last, top, cols, stride, place, weight, strips, wide,
     """Weigh up to CHUNK strips that meet a block of rows; return the next strip and how many there are."""
     edge, slope, width, widening, _ = lines
     count = _ZERO
-    bottom = top + np.float32(_rows_together(lanes) - 1)
+    bottom = top + np.float32(_height(lanes) - 1)
     while strip < last and count < _CHUNK:
         left0, left1 = edge[strip] + slope[strip] * top, edge[strip] + slope[strip] * bottom
         wide0, wide1 = width[strip] + widening[strip] * top, width[strip] + widening[strip] * bottom
@@ -231,7 +236,7 @@ def _prepare(lines, strip, last, top, cols, stride, place, weight, strips, wide,
 @njit(inline="always")
 def _scratch(lanes):
     """Places and weights of a chunk of strips, their numbers, and whether they take three taps."""
-    rows = _rows_together(lanes)
+    rows = _height(lanes)
     return (
         np.empty((CHUNK, rows), np.int32),
         np.empty((CHUNK, TAPS - 1, rows), np.float32),
@@ -247,7 +252,7 @@ def project(image, lines, rays, rows, cols, lanes, first, last):
     stride, end = np.int32(image.shape[1] * len(lanes)), np.uint64(last)
     middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
     rays[first:last] = 0
-    for row in range(0, image.shape[0], _rows_together(lanes)):
+    for row in range(0, image.shape[0], _height(lanes)):
         strip, start, top = np.uint64(first), row * np.int64(stride), np.float32(row) - middle
         while strip < end:
             strip, count = _prepare(lines, strip, end, top, right, stride, place, weight, strips, wide, lanes)
@@ -268,7 +273,7 @@ def back_project(image, lines, rays, rows, cols, power, lanes, first, last):
     stride, end = np.int32(image.shape[1] * len(lanes)), np.uint64(rays.shape[0])
     middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
     image[first:last] = 0
-    for row in range(first, last, _rows_together(lanes)):
+    for row in range(first, last, _height(lanes)):
         strip, start, top = _ZERO, row * np.int64(stride), np.float32(row) - middle
         while strip < end:
             strip, count = _prepare(lines, strip, end, top, right, stride, place, weight, strips, wide, lanes)
