@@ -6,7 +6,7 @@ rows belong together and are an axis of their own.
 
 from typing import TypeAlias
 
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 Image: TypeAlias = Float[Tensor, "*batch rows cols"]
@@ -20,3 +20,6 @@ Rays: TypeAlias = Float[Tensor, "*batch views bins"]
 
 ConeRays: TypeAlias = Float[Tensor, "*batch views detector_rows bins"]
 """One number per ray of a cone beam, the lowest row first."""
+
+Support: TypeAlias = Bool[Tensor, "rows cols"]
+"""The pixels of an image, or of each slice, that may be other than air."""

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import binary_erosion
 
 from pnpct.geometry import FanBeam, ImageGrid, evenly_spaced_views
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction import TVPWLS, methods
 from pnpct.reconstruction.whole_object import RIM, Whole
-from pnpct.reconstruction.without_air import inside, without_air, without_air_of
+from pnpct.reconstruction.without_air import MARGIN, inside, without_air, without_air_of
 
 GEOMETRY = FanBeam(evenly_spaced_views(90), 100, source_to_isocenter=541.0, source_to_detector=949.0, bin_width=8.0)
 GRID = ImageGrid(160, 160, spacing=2.5)
@@ -35,7 +36,7 @@ def of(image: torch.Tensor, grid: ImageGrid = GRID, geometry: FanBeam = GEOMETRY
     return Whole(Sinogram(rays, DiagonalWeights(quanta * torch.exp(-rays))), A, grid)
 
 
-@pytest.mark.parametrize("grid", [GRID, replace(GRID, cols=157), replace(GRID, center=(-12.0, 8.0))])
+@pytest.mark.parametrize("grid", [GRID, replace(GRID, cols=173), replace(GRID, center=(-12.0, 8.0))])
 def test_the_pixels_that_stay_hold_the_object_where_it_was(grid):
     image = body(grid)
     whole = without_air_of(image, of(image, grid))
@@ -43,8 +44,10 @@ def test_the_pixels_that_stay_hold_the_object_where_it_was(grid):
     assert whole.A.grid.rows < 120
     assert whole.A.grid.cols < grid.cols
     assert float(whole.cut_out(torch.zeros_like(part)).max()) < 0.01
-    ones = whole.cut_out(torch.ones_like(part))  # but for its rim
-    assert int((ones == 1).sum()) == (part.shape[0] - 2 * RIM) * (part.shape[1] - 2 * RIM)
+    ones = whole.cut_out(torch.ones_like(part)) == 1
+    within_rim = binary_erosion(whole.A.support.numpy(), np.ones((2 * RIM + 1, 2 * RIM + 1)))
+    assert np.array_equal(inside(ones, whole.A.grid).numpy(), within_rim)
+    assert int(ones.sum()) == int(within_rim.sum())
     assert torch.equal(whole.cut_out(part)[image > 0], image[image > 0])
     assert whole.cut_out(part).shape == grid.shape
     for axis in (0, 1):
@@ -101,9 +104,19 @@ def test_where_nothing_is_left_out_the_image_has_no_rim():
     whole = without_air_of(image, of(image, grid))
     assert whole.A.grid.rows == 96
     assert whole.A.grid.cols < 160
-    ones = whole.cut_out(torch.ones(whole.A.domain_shape))
-    assert torch.equal(ones[0] == 1, ones[48] == 1)
-    assert int((ones[0] == 1).sum()) == whole.A.grid.cols - 2 * RIM
+    ones = whole.cut_out(torch.ones(whole.A.domain_shape)) == 1
+    assert bool(ones[:, 80].all())
+    assert int(ones[48].sum()) == int(whole.A.support[48].sum()) - 2 * RIM
+
+
+def test_the_support_is_round_where_the_object_is():
+    x, y = torch.from_numpy(GRID.x), torch.from_numpy(GRID.y[:, None].copy())
+    disc = (torch.hypot(x - 15, y + 10) < 80).float()
+    whole = without_air_of(disc, of(disc))
+    x, y = torch.from_numpy(whole.A.grid.x), torch.from_numpy(whole.A.grid.y[:, None].copy())
+    farthest = torch.hypot(x - 15, y + 10)[whole.A.support].max()
+    assert 80 + 2.5 * MARGIN < farthest < 80 + 2.5 * (MARGIN + 12)
+    assert float(whole.A.support.double().mean()) < 0.85
 
 
 def test_a_batch_keeps_what_any_of_it_needs():

@@ -7,11 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from pnpct.arrays import Support
 from pnpct.operators import lane_kernels as lanes
 from pnpct.operators import strip_kernels as kernels
 from pnpct.operators.lane_kernels import Array
 from pnpct.operators.ray_lines import LEFT, RIGHT, RayLines
 from pnpct.operators.strip_kernels import BLOCK, CHUNK, rows_together
+from pnpct.operators.support import reach_of_blocks, reach_of_rows
 from pnpct.operators.threads import parallel
 from pnpct.operators.tiles import tile
 
@@ -21,11 +23,20 @@ class CpuProjector:
 
     The working arrays of one tile are cached between calls, because fresh memory costs as much as the work; a lock
     makes calls from several threads take turns.
+
+    Args:
+        tables: The strips of all rays.
+        image_shape: Rows and columns.
+        rays: Number of rays.
+        support: Pixels outside which images are 0, and need not be complete; None for all.
     """
 
-    def __init__(self, tables: Sequence[RayLines], image_shape: tuple[int, int], rays: int) -> None:
+    def __init__(
+        self, tables: Sequence[RayLines], image_shape: tuple[int, int], rays: int, support: Support | None = None
+    ) -> None:
         self._tables, self._image_shape, self._rays = tables, image_shape, rays
         self._lines = [tuple(map(_aligned_copy, _columns(table))) for table in tables]
+        self._reach = [reach_of_rows(table, support) for table in tables]
         self._buffers: dict[tuple[int, ...], Array] = {}
         self._lock = threading.Lock()
 
@@ -34,14 +45,16 @@ class CpuProjector:
         rays = np.empty((images.shape[0], self._rays), np.float32)
         source = images.numpy()
         with self._lock:
-            for table, lines in zip(self._tables, self._lines, strict=True):
+            for table, lines, reach in zip(self._tables, self._lines, self._reach, strict=True):
                 size, slices = tile(images.shape[0], len(table.turns))
                 image, strips = self._working_arrays(table, size)
                 shape, width = (table.rows, table.cols), (0.0,) * size
+                blocks = reach_of_blocks(reach, len(image), rows_together(size))
                 cells = table.measured.shape[0]
                 for at in range(0, images.shape[0], slices):
                     parallel(lanes.pack_image, image.shape[0], source, table.turns, at, LEFT, image, multiple=BLOCK)
-                    parallel(kernels.project, table.strips, image, lines, strips, *shape, width, multiple=CHUNK)
+                    arguments = (image, lines, strips, *shape, blocks, width)
+                    parallel(kernels.project, table.strips, *arguments, multiple=CHUNK)
                     parallel(lanes.unpack_rays, cells, strips, table.measured, table.parts, at, rays)
         return torch.from_numpy(rays)
 
@@ -51,14 +64,16 @@ class CpuProjector:
         source = rays.numpy()
         power = (0.0,) * (2 if squared else 1)
         with self._lock:
-            for number, (table, lines) in enumerate(zip(self._tables, self._lines, strict=True)):
+            tables = zip(self._tables, self._lines, self._reach, strict=True)
+            for number, (table, lines, reach) in enumerate(tables):
                 size, slices = tile(rays.shape[0], len(table.turns))
                 image, strips = self._working_arrays(table, size)
                 shape, width = (table.rows, table.cols), (0.0,) * size
+                blocks = reach_of_blocks(reach, len(image), rows_together(size))
                 cells, rows = table.measured.shape[0], self._image_shape[0]
                 for at in range(0, rays.shape[0], slices):
                     parallel(lanes.pack_rays, cells, source, table.measured, table.parts, at, strips)
-                    arguments = (image, lines, strips, *shape, power, width)
+                    arguments = (image, lines, strips, *shape, blocks, power, width)
                     parallel(kernels.back_project, len(image), *arguments, multiple=rows_together(size))
                     parallel(
                         lanes.unpack_image,

@@ -7,13 +7,14 @@ import torch
 from torch import Tensor
 from typing_extensions import override
 
-from pnpct.arrays import Image, Rays
+from pnpct.arrays import Image, Rays, Support
 from pnpct.geometry import Geometry, ImageGrid, require_fan_beam
 from pnpct.operators.cpu_projector import CpuProjector
 from pnpct.operators.gradients import linear
 from pnpct.operators.kernels import Kernels, triton_runs_on
 from pnpct.operators.linear_operator import LinearOperator
 from pnpct.operators.ray_lines import Method, check_reach, ray_lines
+from pnpct.operators.support import check_support, supported
 from pnpct.operators.torch_projector import TorchProjector
 from pnpct.units import MU_WATER_70_KEV
 
@@ -38,10 +39,12 @@ class Projector(LinearOperator):
         geometry: Where the rays are: a fan beam; `ConeProjector` is that of a cone beam.
         mu_water: Attenuation of water at the effective energy, 1/mm, > 0; 1 gives path lengths in mm.
         method: "distance-driven", free of aliasing at every pixel size, or "joseph", a little faster.
+        support: Pixels that count, those of an object and some air around it. Whatever an image has elsewhere no ray
+            meets, and the adjoint is 0 there, which saves time. None for all.
 
     Raises:
-        ValueError: If no ray meets the image, the focal spot would be inside it, `mu_water` is not positive, or the
-            geometry is a cone beam.
+        ValueError: If no ray meets the image, the focal spot would be inside it, `mu_water` is not positive, the
+            support has another shape, or the geometry is a cone beam.
 
     References:
         De Man and Basu, Phys. Med. Biol. 49 (2004) 2463; Joseph, IEEE Trans. Med. Imaging 1 (1982) 192.
@@ -62,6 +65,7 @@ class Projector(LinearOperator):
         *,
         mu_water: float = MU_WATER_70_KEV,
         method: Method = "distance-driven",
+        support: Support | None = None,
     ) -> None:
         if not 0 < mu_water < float("inf"):
             raise ValueError(f"The attenuation of water must be positive, in 1/mm, got {mu_water}.")
@@ -69,6 +73,8 @@ class Projector(LinearOperator):
             raise ValueError(f'The projector method is "distance-driven" or "joseph", got "{method}".')
         self.grid, self.geometry, self.mu_water, self.method = grid, require_fan_beam(geometry), mu_water, method
         self.domain_shape, self.range_shape = grid.shape, geometry.shape
+        check_support(support, grid.shape)
+        self.support = support
         check_reach(grid, self.geometry)
         self._made: dict[torch.device, Kernels] = {}
 
@@ -94,18 +100,20 @@ class Projector(LinearOperator):
         self._kernels(torch.device(device))
         return self
 
-    def on(self, plane: ImageGrid) -> "Projector":
+    def on(self, plane: ImageGrid, support: Support | None = None) -> "Projector":
         """Return the projector of the same rays onto other pixels."""
-        return Projector(plane, self.geometry, mu_water=self.mu_water, method=self.method)
+        return Projector(plane, self.geometry, mu_water=self.mu_water, method=self.method, support=support)
 
     def _apply(self, array: Tensor, *, transpose: bool, squared: bool = False) -> Tensor:
         """Run the kernels for the device on a batch, in units of water."""
-        slices = array.reshape(-1, *array.shape[-2:]).float().contiguous()
+        slices = array.reshape(-1, *array.shape[-2:]).float()
+        slices = (slices if transpose else supported(slices, self.support)).contiguous()
         kernels = self._kernels(array.device)
         result = kernels.back_project(slices.flatten(1), squared=squared) if transpose else kernels.project(slices)
         answer = result * (self.mu_water**2 if squared else self.mu_water)
         shape = self.domain_shape if transpose else self.range_shape
-        return answer.reshape(*array.shape[:-2], *shape).to(array.dtype)
+        answer = answer.reshape(*array.shape[:-2], *shape).to(array.dtype)
+        return supported(answer, self.support) if transpose else answer
 
     def _kernels(self, device: torch.device) -> Kernels:
         if device not in self._made:
@@ -119,7 +127,7 @@ class Projector(LinearOperator):
             self.geometry.views * self.geometry.bins,
         )
         if device.type == "cpu":
-            return CpuProjector(*what)
+            return CpuProjector(*what, self.support)
         if triton_runs_on(device):
             from pnpct.operators.triton_projector import TritonProjector
 

@@ -133,13 +133,9 @@ def _gather(taps: int) -> Callable[..., None]:
                     term = vector.mul(vector.load(source, align), _spread(vector, parts, taps, size))
                     sums[row % 4] = term if row < 4 else vector.add(sums[row % 4], term)
                 total = vector.add(vector.add(sums[0], sums[1]), vector.add(sums[2], sums[3]))
+                places = (list(range(tap * size, (tap + 1) * size)) for tap in range(together))
                 pieces = [
-                    builder.shuffle_vector(
-                        total,
-                        total,
-                        ir.Constant(ir.VectorType(INT, size), list(range(tap * size, (tap + 1) * size))),
-                    )
-                    for tap in range(together)
+                    builder.shuffle_vector(total, total, ir.Constant(ir.VectorType(INT, size), at)) for at in places
                 ]
                 result = lane.load(target, align)
                 for piece in pieces:
@@ -213,15 +209,15 @@ _ZERO, _ONE, _CHUNK = np.uint64(0), np.uint64(1), np.uint64(CHUNK)
 
 
 @njit(inline="always", **_OPTIONS)
-def _prepare(lines, strip, last, top, cols, stride, place, weight, strips, wide, lanes):
-    """Weigh up to CHUNK strips that meet a block of rows; return the next strip and how many there are."""
+def _prepare(lines, strip, last, top, cols, leftmost, rightmost, stride, place, weight, strips, wide, lanes):
+    """Weigh up to CHUNK strips that meet a block of rows between two columns; return the next strip and how many."""
     edge, slope, width, widening, _ = lines
     count = _ZERO
     bottom = top + np.float32(_height(lanes) - 1)
     while strip < last and count < _CHUNK:
         left0, left1 = edge[strip] + slope[strip] * top, edge[strip] + slope[strip] * bottom
         wide0, wide1 = width[strip] + widening[strip] * top, width[strip] + widening[strip] * bottom
-        if max(left0 + wide0, left1 + wide1) > np.float32(0) and min(left0, left1) < cols:
+        if max(left0 + wide0, left1 + wide1) > leftmost and min(left0, left1) < rightmost:
             strips[count] = strip
             wide[count] = max(wide0, wide1) > np.float32(1)
             if wide[count]:
@@ -246,16 +242,24 @@ def _scratch(lanes):
 
 
 @njit(**_OPTIONS)
-def project(image, lines, rays, rows, cols, lanes, first, last):
-    """Sum the image [row][column][lane] along the strips first … last − 1 into rays [strip][lane]."""
+def project(image, lines, rays, rows, cols, reach, lanes, first, last):
+    """Sum the image [row][column][lane] along the strips first … last − 1 into rays [strip][lane].
+
+    On a block of rows the image is 0 outside the columns reach[block, 0] … reach[block, 1] − 1.
+    """
     place, weight, strips, wide = _scratch(lanes)
     stride, end = np.int32(image.shape[1] * len(lanes)), np.uint64(last)
     middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
     rays[first:last] = 0
     for row in range(0, image.shape[0], _height(lanes)):
+        leftmost, rightmost = reach[row // _height(lanes)]
+        if leftmost >= rightmost:
+            continue
         strip, start, top = np.uint64(first), row * np.int64(stride), np.float32(row) - middle
         while strip < end:
-            strip, count = _prepare(lines, strip, end, top, right, stride, place, weight, strips, wide, lanes)
+            strip, count = _prepare(
+                lines, strip, end, top, right, leftmost, rightmost, stride, place, weight, strips, wide, lanes
+            )
             for slot in range(count):
                 if wide[slot]:
                     _gather3(image, start, place, weight, slot, rays, strips[slot], lanes)
@@ -267,16 +271,24 @@ def project(image, lines, rays, rows, cols, lanes, first, last):
 
 
 @njit(**_OPTIONS)
-def back_project(image, lines, rays, rows, cols, power, lanes, first, last):
-    """Transpose of `project`, for the rows first … last − 1; with two powers, of the squared weights."""
+def back_project(image, lines, rays, rows, cols, reach, power, lanes, first, last):
+    """Transpose of `project`, for the rows first … last − 1; with two powers, of the squared weights.
+
+    Outside the columns of `reach` the image is not complete.
+    """
     place, weight, strips, wide = _scratch(lanes)
     stride, end = np.int32(image.shape[1] * len(lanes)), np.uint64(rays.shape[0])
     middle, right = np.float32((rows - 1) * 0.5), np.float32(cols)
     image[first:last] = 0
     for row in range(first, last, _height(lanes)):
+        leftmost, rightmost = reach[row // _height(lanes)]
+        if leftmost >= rightmost:
+            continue
         strip, start, top = _ZERO, row * np.int64(stride), np.float32(row) - middle
         while strip < end:
-            strip, count = _prepare(lines, strip, end, top, right, stride, place, weight, strips, wide, lanes)
+            strip, count = _prepare(
+                lines, strip, end, top, right, leftmost, rightmost, stride, place, weight, strips, wide, lanes
+            )
             for slot in range(count):
                 number = strips[slot]
                 length = lines[4][number] * lines[4][number] if len(power) == 2 else lines[4][number]

@@ -5,6 +5,7 @@ from torch import Tensor
 
 from pnpct.arrays import ConeRays, Rays
 from pnpct.operators import AnyProjector
+from pnpct.operators.support import part_supported
 from pnpct.physics import DiagonalWeights, Sinogram
 from pnpct.reconstruction.half_resolution import at_half_resolution, doubled
 
@@ -40,9 +41,10 @@ def certainty(weights: Rays | ConeRays, A: AnyProjector) -> Tensor:
     numbers, _ = _coarse(rays_that_count(weights, A), A)
     dims = A.domain_dims
     counted, met = coarse.gram_diagonal(pairs), coarse.gram_diagonal(numbers)
-    typical = met.mean()
+    share = part_supported(coarse.support)
+    typical = met.mean() / share
     some = FAINT * typical
-    mean_weight = (counted + some * counted.mean(dims, keepdim=True) / typical) / (met + some)
+    mean_weight = (counted + some * counted.mean(dims, keepdim=True) / share / typical) / (met + some)
     certain: Tensor = mean_weight * (met / typical).clamp(min=COVERED)
     return certain if coarse is A else doubled(certain, (A.domain_shape[-2], A.domain_shape[-1]))
 

@@ -23,6 +23,7 @@ from torch.nn import functional
 
 from pnpct.arrays import Image, Volume
 from pnpct.operators import AnyProjector, Projector
+from pnpct.operators.support import supported
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.certainty import certainty, rays_that_count
 from pnpct.reconstruction.normal_equations import (
@@ -94,10 +95,11 @@ def fourier_preconditioner(sinogram: Sinogram, A: AnyProjector, *, levels: int =
 
 
 def _seen_by_all_views(A: AnyProjector) -> Tensor:
-    """Return where no view leaves a pixel out, or everywhere if there is none."""
+    """Return the support that no view leaves out, or everywhere if there is none."""
     plane = A.grid if isinstance(A, Projector) else A.grid.plane
     radius = np.hypot(plane.x, plane.y[:, None])
     seen: Tensor = torch.from_numpy(radius <= A.geometry.field_of_view_radius - 2 * plane.spacing)
+    seen = seen if A.support is None else seen & A.support
     seen = seen if bool(seen.any()) else torch.ones_like(seen)
     return seen.expand(A.domain_shape)
 
@@ -111,7 +113,7 @@ def _spectrum(A: AnyProjector, counts: Tensor) -> Tensor:
     pixels and cells, and has hardly anything of some frequencies. Filters made of that are far too large there.
     """
     chance = torch.Generator().manual_seed(0)
-    signs = (2 * torch.randint(0, 2, A.domain_shape, generator=chance) - 1).to(counts)
+    signs = supported((2 * torch.randint(0, 2, A.domain_shape, generator=chance) - 1).to(counts), A.support)
     noise, answer = (torch.fft.rfftn(image, dim=A.domain_dims) for image in (signs, A.adjoint(counts * A(signs))))
     # AᵀA falls like one over the frequency: times it, a mean over neighbours is not that of a steep slope.
     rows, cols = A.domain_shape[-2:]

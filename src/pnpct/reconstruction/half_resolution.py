@@ -72,16 +72,16 @@ def _of_fan(sinogram: Sinogram, A: Projector) -> tuple[Sinogram, Projector]:
         w[..., -1, 1:, :] = 0.0  # the last view was its own partner
     weights = _sums(w, geometry.shape)
     mean = _sums(w * y, geometry.shape) / weights.clamp(min=torch.finfo(w.dtype).tiny)
-    return Sinogram(mean, DiagonalWeights(weights, geometry.shape)), Projector(
-        coarser_grid(A.grid), geometry, mu_water=A.mu_water, method=A.method
-    )
+    support = None if A.support is None else halved(A.support.float()) > 0
+    coarse = Projector(coarser_grid(A.grid), geometry, mu_water=A.mu_water, method=A.method, support=support)
+    return Sinogram(mean, DiagonalWeights(weights, geometry.shape)), coarse
 
 
 def _of_cone(sinogram: Sinogram, A: ConeProjector) -> tuple[Sinogram, ConeProjector]:
     """Each row is a fan beam, seen along the axis."""
     geometry, trajectory = A.geometry, A.geometry.trajectory
     y, w = (rays.transpose(-3, -2) for rays in (sinogram.line_integrals, sinogram.weights.diagonal))
-    fan = Projector(A.grid.plane, seen_along_the_axis(geometry), mu_water=A.mu_water)
+    fan = Projector(A.grid.plane, seen_along_the_axis(geometry), mu_water=A.mu_water, support=A.support)
     of_rows, coarse = _of_fan(Sinogram(y, DiagonalWeights(w)), fan)
     seen = coarse.geometry
     detector = replace(geometry.detector, bins=seen.bins, bin_width=seen.bin_width, offset=seen.detector_offset)
@@ -90,7 +90,8 @@ def _of_cone(sinogram: Sinogram, A: ConeProjector) -> tuple[Sinogram, ConeProjec
     paired = replace(geometry, trajectory=trajectory, detector=detector)
     mean, weights = (rays.transpose(-3, -2) for rays in (of_rows.line_integrals, of_rows.weights.diagonal))
     grid = replace(A.grid, plane=coarse.grid)
-    return Sinogram(mean, DiagonalWeights(weights, paired.shape)), ConeProjector(grid, paired, mu_water=A.mu_water)
+    cone = ConeProjector(grid, paired, mu_water=A.mu_water, support=coarse.support)
+    return Sinogram(mean, DiagonalWeights(weights, paired.shape)), cone
 
 
 def _paired(geometry: FanBeam) -> tuple[FanBeam, NDArray[np.int64]]:

@@ -13,6 +13,7 @@ from torch import Tensor
 from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation, denoiser_settings
 from pnpct.operators import AnyProjector, ConeProjector, Kernel, Projector
+from pnpct.operators.support import supported
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.around_network import around_network, iterates_in_image
 from pnpct.reconstruction.bone import corrected_for_bone
@@ -279,7 +280,7 @@ def _in_space(sinogram: Sinogram, A: ConeProjector) -> tuple[WholeVolume, ADMMSt
         row = A.geometry.row_height_at_isocenter
         start = tilted_volume(sinogram, whole.A, StartingImage(), plane_spacing=row)
         whole = without_air_of(start, corrected_for_bone_in(start, whole))
-        return whole, ADMMState.start(inside(start, whole.A.grid.plane).contiguous())
+        return whole, ADMMState.start(supported(inside(start, whole.A.grid.plane), whole.A.support).contiguous())
     first, _ = circle_volume(sinogram, whole.A, "soft")
     whole = without_air_of(first, corrected_for_bone_in(first, whole))
     return whole, starting_state(whole.sinogram, whole.A)

@@ -11,6 +11,7 @@ from typing_extensions import override
 from pnpct.arrays import Image, Volume
 from pnpct.operators import AnyProjector, LinearOperator, Projector
 from pnpct.operators.gradients import linear
+from pnpct.operators.support import part_supported
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 
@@ -184,7 +185,7 @@ def conjugate_gradient(
 
 
 def warm_started(
-    sinogram: Sinogram, A: LinearOperator, iterations: int, preconditioner: Preconditioner | None = None
+    sinogram: Sinogram, A: AnyProjector, iterations: int, preconditioner: Preconditioner | None = None
 ) -> Solve:
     """Make a solver that takes a few conjugate-gradient steps from the given image.
 
@@ -205,7 +206,8 @@ def warm_started(
         raise ValueError(f"Conjugate gradients need at least one iteration, got {iterations}.")
     y, W = sinogram.line_integrals, sinogram.weights
     of_image = (y * W(y)).sum(A.range_dims).clamp(min=1e-30)[(..., *(None,) * len(A.domain_dims))]
-    tolerance = TOLERANCE * (math.prod(A.domain_shape) / of_image).sqrt()
+    pixels = part_supported(A.support) * math.prod(A.domain_shape)
+    tolerance = TOLERANCE * (pixels / of_image).sqrt()
     answered: list[Image | Volume] = []  # x and AᵀWA x
     prepared: list[Any] = []  # β and its M⁻¹
 

@@ -12,6 +12,7 @@ from pnpct.arrays import Image
 from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.denoisers.learned import DENSEST
 from pnpct.operators import AnyProjector, ConeProjector, Projector
+from pnpct.operators.support import supported
 from pnpct.physics import Sinogram
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.fdk import circle_volume
@@ -64,6 +65,7 @@ def smooth_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
         smooth, _ = circle_volume(sinogram, A, "soft")
     else:
         smooth = fbp(sinogram.line_integrals, A, kernel="soft")
+    smooth = supported(smooth, A.support)
     return ADMMState.start(torch.zeros_like(smooth) if A.geometry.limited_angle else smooth)
 
 

@@ -11,9 +11,11 @@ from typing import TypeAlias
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn.functional import max_pool2d, pad
 
-from pnpct.arrays import Image, Rays
+from pnpct.arrays import Image, Rays, Support
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.geometry.short_repr import short_repr
 from pnpct.operators import Projector
@@ -42,7 +44,7 @@ REACH, WIDEST = 1.6, 0.6
 """How far the object is followed at most, in radii of the field of view and in distances of the focal spot."""
 
 RIM = 4
-"""Pixels of air at the border of the iterations, of which a network, which sees nothing beyond, makes 5 HU."""
+"""Pixels of air at the border of the support, of which a network, which sees nothing beyond, makes 5 HU."""
 
 LARGEST = 4096**2
 """Pixels of the largest image that is reconstructed for the sake of a part of it."""
@@ -57,7 +59,7 @@ class Whole:
         A: The projector; its pixels are as large as those asked for, or half as large.
         asked: The grid that was asked for, within that of the projector.
         notes: What was done, in sentences.
-        around: What lies around the pixels of the projector, on more of them; None if these are all.
+        around: What lies around the support of the projector, on more pixels; None if nothing does.
     """
 
     sinogram: Sinogram
@@ -70,22 +72,24 @@ class Whole:
 
     def cut_out(self, image: Image) -> Float[Tensor, "*batch asked_rows asked_cols"]:
         """Return the part of an image that was asked for, in pixels of the size that was asked for."""
-        (image, grid), asked = surrounded(image, self.A.grid, self.around), self.asked
+        (image, grid), asked = surrounded(image, self.A.grid, self.around, self.A.support), self.asked
         if grid.spacing < asked.spacing:
             image, grid = halved(image), coarser_grid(grid)
         return part_of(image, grid, asked)
 
 
-def surrounded(image: Image, grid: ImageGrid, around: WholeImage | None) -> tuple[WholeImage, ImageGrid]:
-    """Return an image, less its rim, within what lies around it, and the grid of both, which has the same centre."""
-    if around is None:
+def surrounded(
+    image: Image, grid: ImageGrid, around: WholeImage | None, support: Support | None
+) -> tuple[WholeImage, ImageGrid]:
+    """Return an image, less the rim of its support, within what lies around it, and the grid of both."""
+    if around is None or support is None:
         return image, grid
-    (rows, cols), whole = around.shape[-2:], around.clone()
+    rows, cols = around.shape[-2:]
     top, left = (rows - grid.rows) // 2, (cols - grid.cols) // 2
-    rim = RIM * (top > 0), RIM * (left > 0)
-    inner = image[..., rim[0] : grid.rows - rim[0], rim[1] : grid.cols - rim[1]]
-    whole[..., top + rim[0] : rows - top - rim[0], left + rim[1] : cols - left - rim[1]] = inner
-    return whole, replace(grid, rows=rows, cols=cols)
+    beside = (left, cols - grid.cols - left, top, rows - grid.rows - top)
+    left_out, padded = pad(~support, beside, value=True), pad(image, beside)
+    near = max_pool2d(left_out.to(image)[None], 2 * RIM + 1, stride=1, padding=RIM)[0] > 0
+    return padded.where(~near, around), replace(grid, rows=rows, cols=cols)
 
 
 def part_of(image: Image, grid: ImageGrid, asked: ImageGrid) -> Float[Tensor, "*batch asked_rows asked_cols"]:
@@ -123,7 +127,7 @@ def beyond_fan(sinogram: Sinogram, A: Projector) -> Whole:
     at = torch.tensor_split(s, (before, before + geometry.bins))
     to_low = _of_water(p.flip(-1), -at[1].flip(0), -at[0].flip(0), low, A.mu_water).flip(-1)
     to_high = _of_water(p, at[1], at[2], high, A.mu_water)
-    weights = torch.nn.functional.pad(W.diagonal, (before, after))
+    weights = pad(W.diagonal, (before, after))
     note = (
         f"The object reaches beyond the fan in {share:.0%} of the views; these were continued as those of water, and "
         "HU are uncertain near the edge of what the fan covers."
@@ -142,8 +146,7 @@ def beyond_image(whole: Whole) -> Whole:
     """
     A, grid, geometry = whole.A, whole.A.grid, whole.A.geometry
     p = whole.sinogram.line_integrals
-    coarse = A.on(coarser_grid(grid))  # the same square for a quarter of the time
-    missing = _mean((coarse(torch.ones(coarse.domain_shape).to(p)) == 0).to(p)) == 1
+    missing = _mean(torch.from_numpy(_misses(grid, geometry)).to(p)) == 1
     if not bool(missing.any()):
         return whole
     through = _through_object(p).reshape(-1, *geometry.shape).any(0)
@@ -207,6 +210,16 @@ def _bins_beyond(geometry: FanBeam) -> tuple[int, int]:
         for end in ends
     )
     return before, after
+
+
+def _misses(grid: ImageGrid, geometry: FanBeam) -> NDArray[np.bool_]:
+    """Which rays pass an image by: its middle is farther from them than any of its corners is from its middle."""
+    spots = geometry.focal_spots()[:, None]
+    along = geometry.detector_points(geometry.fan_angles) - spots
+    distance = along[..., 1] * (grid.center[0] - spots[..., 0]) - along[..., 0] * (grid.center[1] - spots[..., 1])
+    reach = grid.cols * np.abs(along[..., 1]) + grid.rows * np.abs(along[..., 0])
+    answer: NDArray[np.bool_] = np.abs(distance) > grid.spacing / 2 * reach
+    return answer
 
 
 def _mean(rays: Rays) -> Rays:

@@ -33,7 +33,7 @@ class WholeVolume:
         A: The projector.
         asked: The grid that was asked for, in the middle of that of the projector.
         notes: What was done, in sentences.
-        around: What lies around the voxels of the projector, on more of them in each slice; None if these are all.
+        around: What lies around the support of the projector, on more pixels of each slice; None if nothing does.
     """
 
     sinogram: Sinogram
@@ -46,7 +46,7 @@ class WholeVolume:
 
     def cut_out(self, volume: Volume) -> Float[Tensor, "*batch asked_slices asked_rows asked_cols"]:
         """Return the slices, and the part of them, that were asked for."""
-        volume, plane = surrounded(volume, self.A.grid.plane, self.around)
+        volume, plane = surrounded(volume, self.A.grid.plane, self.around, self.A.support)
         beyond = (self.A.grid.slices - self.asked.slices) // 2
         slices = volume[..., beyond : beyond + self.asked.slices, :, :]
         return part_of(slices, plane, self.asked.plane)

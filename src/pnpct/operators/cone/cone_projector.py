@@ -8,13 +8,14 @@ import torch
 from torch import Tensor
 from typing_extensions import override
 
-from pnpct.arrays import ConeRays, Volume
+from pnpct.arrays import ConeRays, Support, Volume
 from pnpct.geometry import ConeBeam, ImageGrid, VolumeGrid
 from pnpct.operators.cone.cone_lines import check_volume
 from pnpct.operators.cone.cpu_cone_projector import CpuConeProjector
 from pnpct.operators.cone.torch_cone_projector import TorchConeProjector
 from pnpct.operators.gradients import linear
 from pnpct.operators.linear_operator import LinearOperator
+from pnpct.operators.support import check_support, supported
 from pnpct.units import MU_WATER_70_KEV
 
 
@@ -38,10 +39,11 @@ class ConeProjector(LinearOperator):
         grid: Where the voxels are.
         geometry: Where the rays are.
         mu_water: Attenuation of water at the effective energy, 1/mm, > 0; 1 gives path lengths in mm.
+        support: Pixels that count, the same in each slice, as of `Projector`. None for all.
 
     Raises:
-        ValueError: If no ray meets the volume, the focal spot would be inside it, `mu_water` is not positive, or the
-            detector rows have no height.
+        ValueError: If no ray meets the volume, the focal spot would be inside it, `mu_water` is not positive, the
+            support has another shape, or the detector rows have no height.
 
     References:
         De Man and Basu, Phys. Med. Biol. 49 (2004) 2463; Long, Fessler and Balter, IEEE Trans. Med. Imaging 29 (2010)
@@ -56,12 +58,21 @@ class ConeProjector(LinearOperator):
         1.28...
     """
 
-    def __init__(self, grid: VolumeGrid, geometry: ConeBeam, *, mu_water: float = MU_WATER_70_KEV) -> None:
+    def __init__(
+        self,
+        grid: VolumeGrid,
+        geometry: ConeBeam,
+        *,
+        mu_water: float = MU_WATER_70_KEV,
+        support: Support | None = None,
+    ) -> None:
         if not 0 < mu_water < float("inf"):
             raise ValueError(f"The attenuation of water must be positive, in 1/mm, got {mu_water}.")
         check_volume(grid, geometry)
         self.grid, self.geometry, self.mu_water = grid, geometry, mu_water
         self.domain_shape, self.range_shape = grid.shape, geometry.shape
+        check_support(support, grid.shape)
+        self.support = support
         self._made: dict[torch.device, CpuConeProjector | TorchConeProjector] = {}
 
     def __deepcopy__(self, _memo: object) -> "ConeProjector":
@@ -84,9 +95,10 @@ class ConeProjector(LinearOperator):
         """
         return self._apply(weights.detach(), transpose=True, squared=True)
 
-    def on(self, plane: ImageGrid) -> "ConeProjector":
+    def on(self, plane: ImageGrid, support: Support | None = None) -> "ConeProjector":
         """Return the projector of the same rays onto slices of other pixels."""
-        return ConeProjector(replace(self.grid, plane=plane), self.geometry, mu_water=self.mu_water)
+        grid = replace(self.grid, plane=plane)
+        return ConeProjector(grid, self.geometry, mu_water=self.mu_water, support=support)
 
     def _apply(self, array: Tensor, *, transpose: bool, squared: bool = False) -> Tensor:
         """Run the kernels for the device on each of a batch, in units of water."""
@@ -95,11 +107,12 @@ class ConeProjector(LinearOperator):
         given, shape = (self.range_shape, self.domain_shape) if transpose else (self.domain_shape, self.range_shape)
         answer = array.new_empty((*array.shape[: array.ndim - 3], *shape))
         for source, target in zip(array.reshape(-1, *given), answer.view(-1, *shape), strict=True):
+            source = source if transpose else supported(source, self.support)
             values: Any = source.float().contiguous()
             values = values.numpy() if isinstance(kernels, CpuConeProjector) else values
             result = kernels.back_project(values, squared=squared) if transpose else kernels.project(values)
             torch.mul(torch.as_tensor(result), scale, out=target)
-        return answer
+        return supported(answer, self.support) if transpose else answer
 
     def _kernels(self, device: torch.device) -> CpuConeProjector | TorchConeProjector:
         if device not in self._made:
@@ -108,5 +121,5 @@ class ConeProjector(LinearOperator):
 
     def _make_kernels(self, device: torch.device) -> CpuConeProjector | TorchConeProjector:
         if device.type == "cpu":
-            return CpuConeProjector(self.grid, self.geometry)
+            return CpuConeProjector(self.grid, self.geometry, self.support)
         return TorchConeProjector(self.grid, self.geometry, device)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from pnpct.arrays import Support
 from pnpct.geometry import ConeBeam, VolumeGrid
 from pnpct.operators.cone import border_kernels as border
 from pnpct.operators.cone import sweep_kernels as kernels
@@ -14,6 +15,7 @@ from pnpct.operators.cone.cone_kernels import CHUNK, PAD, WIDTH
 from pnpct.operators.cone.cone_lines import Array, ConeLines, ViewHeights, cone_lines, rows_together, view_heights
 from pnpct.operators.cone.sweep_kernels import MARGIN
 from pnpct.operators.lane_kernels import aligned
+from pnpct.operators.support import reach_of_blocks, reach_of_rows
 from pnpct.operators.threads import parallel
 
 SLAB = 1 << 21
@@ -25,10 +27,15 @@ class CpuConeProjector:
 
     Beside its argument and its answer it has in memory a copy of the volume, the rays of a slab of views, and 36 bytes
     for each view and bin: the tables, which would take a sixth of the time if they were made again each time.
+
+    Args:
+        grid: Where the voxels are.
+        geometry: Where the rays are.
+        support: Pixels outside which slices are 0, and need not be complete; None for all.
     """
 
-    def __init__(self, grid: VolumeGrid, geometry: ConeBeam) -> None:
-        self._grid, self._geometry = grid, geometry
+    def __init__(self, grid: VolumeGrid, geometry: ConeBeam, support: Support | None = None) -> None:
+        self._grid, self._geometry, self._support = grid, geometry, support
         self._together = rows_together(grid, geometry)
         slices, rows, cols = grid.shape
         self._packed_shape = (rows + 2 * MARGIN, cols + 2 * MARGIN, _whole(slices))
@@ -84,9 +91,13 @@ class CpuConeProjector:
         for first in range(0, self._geometry.views, step):
             views = slice(first, min(first + step, self._geometry.views))
             geometry = self._geometry[views]
-            tables = [_table(lines, self._geometry.bins) for lines in cone_lines(self._grid, geometry)]
+            lines = cone_lines(self._grid, geometry)
+            tables = [_table(each, self._geometry.bins, self._reach(each)) for each in lines]
             slabs.append(_Slab(views, view_heights(self._grid, geometry), tables))
         return slabs
+
+    def _reach(self, lines: ConeLines) -> Array:
+        return reach_of_blocks(reach_of_rows(lines.strips, self._support), lines.strips.rows, self._together)
 
     def _packed_rays(self, table: "_Table") -> Array:
         """Return zeros, [cell][PAD + detector row], with PAD more in front of the first and after the last."""
@@ -102,7 +113,7 @@ class CpuConeProjector:
         heights = (slab.heights.low, slab.heights.rise, slab.heights.step, self._geometry.rows)
         shape = (table.rows, table.cols, self._grid.slices)
         window = min(slices, _whole(int(table.farthest * slab.heights.step * self._geometry.rows) + 2 + WIDTH))
-        return steps, table.lines, table.kernel_cells, heights, shape, self._together, window
+        return steps, table.lines, table.kernel_cells, heights, shape, table.reach, self._together, window
 
 
 @dataclass(frozen=True)
@@ -116,6 +127,7 @@ class _Table:
     strips: int
     cells: int
     farthest: float
+    reach: Array
     lines: tuple[Array, ...]
     kernel_cells: tuple[Any, ...]
     place: tuple[Any, ...]
@@ -128,7 +140,7 @@ class _Slab:
     tables: list[_Table]
 
 
-def _table(lines: ConeLines, bins: int) -> _Table:
+def _table(lines: ConeLines, bins: int, reach: Array) -> _Table:
     strips = lines.strips
     half = (strips.rows - 1) / 2
     return _Table(
@@ -139,6 +151,7 @@ def _table(lines: ConeLines, bins: int) -> _Table:
         strips=strips.strips,
         cells=strips.measured.size,
         farthest=float((lines.part + half * np.abs(lines.change)).max()),
+        reach=reach,
         lines=(strips.edge, strips.slope, strips.width, strips.widening, strips.length),
         kernel_cells=(lines.view, lines.part, lines.change, strips.parts),
         place=(lines.view, strips.measured[:, 0] % bins, strips.length[:: strips.parts], lines.nearness),

@@ -63,8 +63,8 @@ def _scratch(window):
 
 
 @njit(inline="always", **_OPTIONS)
-def _prepare(lines, cells, heights, shape, strip, last, row, count, scratch):
-    """Weigh up to CHUNK strips that meet the volume on `count` rows; return the next strip and how many there are.
+def _prepare(lines, cells, heights, shape, leftmost, rightmost, strip, last, row, count, scratch):
+    """Weigh up to CHUNK strips that meet `count` rows between two columns; return the next strip and how many.
 
     Of each strip are noted its number, its first slice, its vectors of slices, and whether it covers three columns;
     the first edge of its detector rows, from that slice on, and their step.
@@ -81,7 +81,7 @@ def _prepare(lines, cells, heights, shape, strip, last, row, count, scratch):
     while strip < last and found < CHUNK:
         left0, left1 = edge[strip] + slope[strip] * top, edge[strip] + slope[strip] * bottom
         wide0, wide1 = width[strip] + widening[strip] * top, width[strip] + widening[strip] * bottom
-        if max(left0 + wide0, left1 + wide1) > np.float32(0) and min(left0, left1) < np.float32(cols):
+        if max(left0 + wide0, left1 + wide1) > leftmost and min(left0, left1) < rightmost:
             cell = strip // parts
             seen = view[cell]
             t = np.float64(part[cell] + change[cell] * middle)
@@ -100,7 +100,7 @@ def _prepare(lines, cells, heights, shape, strip, last, row, count, scratch):
 
 
 @njit(**_OPTIONS)
-def project(volume, steps, lines, cells, heights, shape, together, window, rays, first, last):
+def project(volume, steps, lines, cells, heights, shape, reach, together, window, rays, first, last):
     """Sum the volume [row][column][slice] along the strips first … last − 1 into rays [cell][detector row].
 
     Args:
@@ -110,6 +110,7 @@ def project(volume, steps, lines, cells, heights, shape, together, window, rays,
         cells: For each cell its view, the part t and its change; strips per cell.
         heights: Of each view, `ViewHeights`; and the detector rows.
         shape: Rows, columns, and slices.
+        reach: On each block of rows the volume is 0 outside the columns reach[block, 0] … reach[block, 1] − 1.
         together: Rows that share one t.
         window: Most slices that a ray may meet in them.
         rays: All of them in one dimension.
@@ -124,9 +125,12 @@ def project(volume, steps, lines, cells, heights, shape, together, window, rays,
     rays[first // cells[3] * long_ray + PAD : last // cells[3] * long_ray + PAD] = 0
     for row in range(0, shape[0], together):
         count = min(together, shape[0] - row)
+        leftmost, rightmost = reach[row // together]
+        if leftmost >= rightmost:
+            continue
         start, strip = origin + row * row_step, first
         while strip < last:
-            strip, found = _prepare(lines, cells, heights, shape, strip, last, row, count, scratch)
+            strip, found = _prepare(lines, cells, heights, shape, leftmost, rightmost, strip, last, row, count, scratch)
             for slot in range(found):
                 for piece in range(0, notes[slot, 2], UNROLLED):
                     vectors = min(notes[slot, 2] - piece, UNROLLED)
@@ -149,8 +153,11 @@ def project(volume, steps, lines, cells, heights, shape, together, window, rays,
 
 
 @njit(**_OPTIONS)
-def back_project(volume, steps, lines, cells, heights, shape, together, window, rays, power, first, last):
-    """Transpose of `project`, for the rows first … last − 1; with two powers, of the squared weights."""
+def back_project(volume, steps, lines, cells, heights, shape, reach, together, window, rays, power, first, last):
+    """Transpose of `project`, for the rows first … last − 1; with two powers, of the squared weights.
+
+    Outside the columns of `reach` the volume is not complete.
+    """
     origin, row_step, column_step = steps
     high = (heights[3] + WIDTH - 1) // WIDTH * WIDTH
     scratch = _scratch(window)
@@ -158,9 +165,14 @@ def back_project(volume, steps, lines, cells, heights, shape, together, window, 
     long, long_ray, strips = window + 2 * PAD, high + PAD, len(lines[0])
     for row in range(first, last, together):
         count = min(together, last - row)
+        leftmost, rightmost = reach[row // together]
+        if leftmost >= rightmost:
+            continue
         start, strip = origin + row * row_step, 0
         while strip < strips:
-            strip, found = _prepare(lines, cells, heights, shape, strip, strips, row, count, scratch)
+            strip, found = _prepare(
+                lines, cells, heights, shape, leftmost, rightmost, strip, strips, row, count, scratch
+            )
             for slot in range(found):
                 edge, step = edges[slot, 0], edges[slot, 1]
                 ray, inverse = notes[slot, 0] // cells[3] * long_ray + PAD, np.float32(1) / step
