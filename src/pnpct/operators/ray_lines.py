@@ -164,7 +164,8 @@ def _four_lanes(
         focal_spot_shifts=tuple(shifts[next(iter(views.values()))] for _, views in orbits) if shifts else (),
     )
     view_at = np.array([[views.get(turn, -1) for turn in range(4)] for _, views in orbits], np.int64)
-    flat = _is_flat(first)
+    along = _directions(first, first.fan_angles)
+    flat = _is_flat(along)
     # Lane q holds the image turned q times; a flat ray is steep after one turn more, and so belongs to the view before.
     turn = (np.arange(4) - flat[..., None]) % 4
     view = np.take_along_axis(view_at[:, None, :], turn, axis=2)
@@ -172,42 +173,44 @@ def _four_lanes(
     side = max(grid.shape)
     square = replace(grid, rows=side, cols=side)
     keep = np.ones_like(flat, bool)
-    return _tabulate(square, first, flat, keep, ray, (0, 1, 2, 3), method)
+    return _tabulate(square, first, along, flat, keep, ray, (0, 1, 2, 3), method)
 
 
 def _one_lane(grid: ImageGrid, geometry: FanBeam, turn: int, method: Method) -> RayLines:
-    flat = _is_flat(geometry)
+    along = _directions(geometry, geometry.fan_angles)
+    flat = _is_flat(along)
     ray = np.arange(flat.size).reshape(*flat.shape, 1)
-    return _tabulate(grid, geometry, np.full_like(flat, turn), flat == turn, ray, (turn,), method)
+    return _tabulate(grid, geometry, along, np.full_like(flat, turn), flat == turn, ray, (turn,), method)
 
 
-def _is_flat(geometry: FanBeam) -> NDArray[np.int64]:
+def _directions(geometry: FanBeam, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From the focal spot to the detector at the fan angles: (views, angles, 2), mm."""
+    return geometry.detector_points(angles) - geometry.focal_spots()[:, None]
+
+
+def _is_flat(along: NDArray[np.float64]) -> NDArray[np.int64]:
     """1 where a ray runs more along x than along y, else 0: the turns that make it steep."""
-    direction = geometry.detector_points(geometry.fan_angles) - geometry.focal_spots()[:, None]
-    return (np.abs(direction[..., 0]) > np.abs(direction[..., 1])).astype(np.int64)
+    return (np.abs(along[..., 0]) > np.abs(along[..., 1])).astype(np.int64)
 
 
 def _tabulate(
     grid: ImageGrid,
     geometry: FanBeam,
+    along: NDArray[np.float64],
     turn: NDArray[np.int64],
     keep: NDArray[np.bool_],
     ray: NDArray[np.int64],
     turns: tuple[int, ...],
     method: Method,
 ) -> RayLines:
-    """Tabulate the rays to keep, each seen in the image after `turn` quarter turns."""
+    """Tabulate the rays to keep, which run `along`, each seen in the image after `turn` quarter turns."""
     rows, cols = turned_shape(grid, turns)
-    at, slopes = [], []
-    edges = geometry.fan_angle_edges
-    centers = geometry.fan_angles
-    for angles in (edges[:-1], centers, edges[1:]):
-        column, slope = _line(grid, geometry, angles, turn, cols)
-        at.append(column)
-        slopes.append(slope)
+    edges = _directions(geometry, geometry.fan_angle_edges)
+    at, slopes = zip(
+        *(_line(grid, geometry, each, turn, cols) for each in (edges[:, :-1], along, edges[:, 1:])), strict=True
+    )
     length = grid.spacing * np.sqrt(1 + slopes[1] ** 2)
-    direction = geometry.detector_points(centers) - geometry.focal_spots()[:, None]
-    down = np.where(_turned(direction, turn)[..., 1] < 0, 1, -1)
+    down = np.where(_turned(along, turn)[1] < 0, 1, -1)
     if method == "joseph":
         # Interpolation between two pixel centres is the mean under a strip one column wide.
         edge, slope = at[1] - 0.5, slopes[1]
@@ -244,17 +247,15 @@ def _tabulate(
 
 
 def _line(
-    grid: ImageGrid, geometry: FanBeam, angles: NDArray[np.float64], turn: NDArray[np.int64], cols: int
+    grid: ImageGrid, geometry: FanBeam, along: NDArray[np.float64], turn: NDArray[np.int64], cols: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return column at the middle row and columns per row, of the rays at the fan angles in the turned image."""
-    spot = np.broadcast_to(geometry.focal_spots()[:, None], (geometry.views, angles.size, 2))
-    direction = geometry.detector_points(angles) - spot
-    center = np.broadcast_to(np.asarray(grid.center), spot.shape)
-    spot, direction, center = (_turned(point, turn) for point in (spot, direction, center))
+    """Return column at the middle row and columns per row, of the rays that run `along`, in the turned image."""
+    x, y = _turned((geometry.focal_spots() - grid.center)[:, None], turn)
+    across, up = _turned(along, turn)
     with np.errstate(divide="ignore", invalid="ignore"):  # flat rays, which the caller leaves out
-        per_y = direction[..., 0] / direction[..., 1]
-        x_at_middle = spot[..., 0] + (center[..., 1] - spot[..., 1]) * per_y
-    return (x_at_middle - center[..., 0]) / grid.spacing + cols / 2, -per_y
+        per_y = across / up
+        x_at_middle = x - y * per_y
+    return x_at_middle / grid.spacing + cols / 2, -per_y
 
 
 def _pencils(
@@ -269,11 +270,12 @@ def _pencils(
     name = (np.arange(geometry.views)[:, None] * 2 + turn % 2) * 2 + (down > 0)
     names, pencil = np.unique(name[keep], return_inverse=True)
     spot = (geometry.focal_spots()[names // 4] - grid.center) / grid.spacing
-    spot = _turned(spot, names // 2 % 2)
-    apex = np.stack([spot[:, 0] + cols / 2, -spot[:, 1], np.where(names % 2, 1.0, -1.0)], axis=1)
+    x, y = _turned(spot, names // 2 % 2)
+    apex = np.stack([x + cols / 2, -y, np.where(names % 2, 1.0, -1.0)], axis=1)
     return pencil.astype(np.int32), apex
 
 
-def _turned(point: NDArray[np.float64], turn: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return points of the plane after `turn` clockwise quarter turns, 0 or 1."""
-    return np.where((turn % 2 == 1)[..., None], np.stack([point[..., 1], -point[..., 0]], axis=-1), point)
+def _turned(point: NDArray[np.float64], turn: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return x and y of points after `turn` clockwise quarter turns, 0 or 1."""
+    x, y = point[..., 0], point[..., 1]
+    return np.where(turn % 2, y, x), np.where(turn % 2, -x, y)
