@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -181,9 +182,9 @@ def _smooth(
     """Gaussian means over measured neighbours; as matrices, so that views may come in any order and with gaps."""
     if smoothing == 0:
         return transmission
-    over_bins = _neighbours(geometry.bins, smoothing, transmission)
+    over_bins = _neighbours(geometry.bins, smoothing).to(transmission)
     if isinstance(geometry, ConeBeam):
-        over_rows = _neighbours(geometry.rows, smoothing, transmission)
+        over_rows = _neighbours(geometry.rows, smoothing).to(transmission)
         return _means(over_rows, transmission, over_bins, measured)
     angles = np.asarray(geometry.view_angles)
     apart = (angles[:, None] - angles + np.pi) % (2 * np.pi) - np.pi
@@ -191,7 +192,7 @@ def _smooth(
     step = float(np.median(steps)) if steps.size else math.inf
     # Few views are far apart: their neighbours see something else, and would blur the object.
     step = min(step, geometry.bin_width_at_isocenter / (geometry.field_of_view_radius / 2))
-    over_views = _gaussian(apart / (smoothing * step), transmission)
+    over_views = _gaussian(apart / (smoothing * step)).to(transmission)
     return _means(over_views, transmission, over_bins, measured)
 
 
@@ -219,12 +220,13 @@ def _sums(weights: Float[Tensor, "n n"], rays: Rays | ConeRays, dim: int) -> Ray
     return torch.cat(parts, dim)
 
 
-def _neighbours(count: int, smoothing: float, like: Tensor) -> Float[Tensor, "n n"]:
+@lru_cache(maxsize=8)
+def _neighbours(count: int, smoothing: float) -> Float[Tensor, "n n"]:
     numbers = np.arange(count)
-    return _gaussian((numbers[:, None] - numbers) / smoothing, like)
+    return _gaussian((numbers[:, None] - numbers) / smoothing)
 
 
-def _gaussian(distances: NDArray[np.float64], like: Tensor) -> Float[Tensor, "n n"]:
+def _gaussian(distances: NDArray[np.float64]) -> Float[Tensor, "n n"]:
     """Weights of the neighbours at the given distances in standard deviations; each row sums to one."""
     weights = np.where(np.abs(distances) <= 3, np.exp(-0.5 * distances**2), 0.0)
-    return torch.from_numpy(weights / weights.sum(-1, keepdims=True)).to(like)
+    return torch.from_numpy(weights / weights.sum(-1, keepdims=True))

@@ -138,8 +138,8 @@ class TVPWLS:
         """Reconstruct."""
         if isinstance(A, ConeProjector):
             return iterated(self, *_in_space(sinogram, A), progress)
-        whole = without_air(_whole(sinogram, A))
-        return iterated(self, whole, starting_state(whole.sinogram, whole.A), progress)
+        whole, smooth = without_air(_whole(sinogram, A))
+        return iterated(self, whole, starting_state(whole.sinogram, whole.A, smooth), progress)
 
 
 @dataclass(frozen=True)
@@ -228,9 +228,10 @@ class PlugAndPlay:
         if far_apart(divided.A):
             said = f"Views are far apart: it began with total variation, and σ_v falls to {self._last(divided.A):g} HU."
             divided = replace(divided, notes=(*divided.notes, said))
+        smooth = None
         if self.solver in ITERATIVE:  # direct solvers are for what was asked for
-            divided = without_air(divided)
-        start = starting_state(divided.sinogram, divided.A)
+            divided, smooth = without_air(divided)
+        start = starting_state(divided.sinogram, divided.A, smooth)
         return iterated(self, divided, start, progress, mean_of=iterates_in_image(self.denoise))
 
 

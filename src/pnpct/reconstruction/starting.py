@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from pnpct.arrays import Image
+from pnpct.arrays import Image, Volume
 from pnpct.denoisers import Denoise, TotalVariation
 from pnpct.denoisers.learned import DENSEST
 from pnpct.operators import AnyProjector, ConeProjector, Projector
@@ -55,21 +55,23 @@ ITERATIONS_AT_METAL, STRENGTH_AT_METAL = 5, 0.15
 """Iterations around total variation where there is metal, and its strength, image × pixel, whatever the dose is."""
 
 
-def smooth_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
-    """Return the state that begins from a smooth FBP image, or from nothing on a limited angle.
+def smooth_state(sinogram: Sinogram, A: AnyProjector, smooth: Image | Volume | None = None) -> ADMMState:
+    """Return the state that begins from a smooth FBP image, made if None, or from nothing on a limited angle.
 
     There FBP has streaks in directions that no view has seen, and so no data take them away again. FBP of a cone beam
     is that of Feldkamp, Davis and Kress.
     """
-    if isinstance(A, ConeProjector):
-        smooth, _ = circle_volume(sinogram, A, "soft")
+    if smooth is not None:
+        image = smooth
+    elif isinstance(A, ConeProjector):
+        image, _ = circle_volume(sinogram, A, "soft")
     else:
-        smooth = fbp(sinogram.line_integrals, A, kernel="soft")
-    smooth = supported(smooth, A.support)
-    return ADMMState.start(torch.zeros_like(smooth) if A.geometry.limited_angle else smooth)
+        image = fbp(sinogram.line_integrals, A, kernel="soft")
+    image = supported(image, A.support)
+    return ADMMState.start(torch.zeros_like(image) if A.geometry.limited_angle else image)
 
 
-def starting_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
+def starting_state(sinogram: Sinogram, A: AnyProjector, smooth: Image | Volume | None = None) -> ADMMState:
     """Return the state to begin from: a smooth FBP image, put right by total variation at half the resolution.
 
     Where hardly a photon arrives, behind metal or in the middle of a large patient, FBP has streaks and shading. The
@@ -83,9 +85,10 @@ def starting_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
     Args:
         sinogram: Line integrals and weights.
         A: The projector, of a cone beam that of an axial scan.
+        smooth: The smooth FBP image, if it is there already.
     """
-    smooth = smooth_state(sinogram, A)
-    coarse = ADMMState.start(halved(smooth.v))
+    first = smooth_state(sinogram, A, smooth)
+    coarse = ADMMState.start(halved(first.v))
     half = at_half_resolution(sinogram, A)
     # A pixel of four has 8 times the certainty of one, and edges count half as many pixels.
     states = around_total_variation(*half, coarse, strength=STRENGTH / 2**0.5, tolerance=FIRST_TOLERANCE)
@@ -96,13 +99,13 @@ def starting_state(sinogram: Sinogram, A: AnyProjector) -> ADMMState:
     if A.geometry.limited_angle:
         return ADMMState.start(piecewise)
     elsewhere = 1 - _near_bone(piecewise)
-    start = torch.lerp(smooth.v + elsewhere * missing, piecewise, SHARE * elsewhere)
+    start = torch.lerp(first.v + elsewhere * missing, piecewise, SHARE * elsewhere)
     if bool(metal.any()):
-        sigma_v = balanced_sigma_v(sinogram, A, smooth.v)
-        states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), smooth, sigma_v=sigma_v)
+        sigma_v = balanced_sigma_v(sinogram, A, first.v)
+        states = pnp_admm(sinogram, A, TotalVariation(STRENGTH_AT_METAL), first, sigma_v=sigma_v)
         start = torch.where(metal, _after(ITERATIONS_AT_METAL, states), start)
     elif far_apart(A):
-        states = around_total_variation(sinogram, A, smooth, strength=STRENGTH)
+        states = around_total_variation(sinogram, A, first, strength=STRENGTH)
         start = _after(ITERATIONS_BETWEEN_VIEWS, states)
     return ADMMState.start(start)
 

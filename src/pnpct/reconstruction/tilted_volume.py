@@ -34,8 +34,9 @@ class StartingImage:
         """Return it."""
         del progress
         assert isinstance(A, Projector)
-        whole = without_air(beyond_image(beyond_fan(corrected_for_bone(filled_from_image(sinogram, A), A), A)))
-        return Reconstruction(whole.cut_out(starting_state(whole.sinogram, whole.A).v), self.settings)
+        corrected = corrected_for_bone(filled_from_image(sinogram, A), A)
+        whole, smooth = without_air(beyond_image(beyond_fan(corrected, A)))
+        return Reconstruction(whole.cut_out(starting_state(whole.sinogram, whole.A, smooth).v), self.settings)
 
 
 def tilted_volume(

@@ -12,6 +12,7 @@ from torch import Tensor
 from pnpct.arrays import Image, Support
 from pnpct.denoisers import Gaussian
 from pnpct.geometry import ImageGrid
+from pnpct.operators.support import supported
 from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.half_resolution import coarser_grid, doubled, halved
 from pnpct.reconstruction.starting import far_apart
@@ -39,9 +40,15 @@ STEP = 8
 """Pixels that are left out on each side are multiples: squares stay whole, and transforms fast."""
 
 
-def without_air(whole: Whole) -> Whole:
-    """Leave out the pixels of air around the object that a smooth FBP image shows, as `without_air_of` does."""
-    return without_air_of(fbp(whole.sinogram.line_integrals, whole.A, kernel="soft"), whole)
+def without_air(whole: Whole) -> tuple[Whole, Image]:
+    """Leave out the pixels of air around the object that a smooth FBP image shows, as `without_air_of` does.
+
+    Returns:
+        The rays, and the pixels that hold the object; and that image on these.
+    """
+    smooth = fbp(whole.sinogram.line_integrals, whole.A, kernel="soft")
+    narrow = without_air_of(smooth, whole)
+    return narrow, supported(inside(smooth, narrow.A.grid), narrow.A.support).contiguous()
 
 
 def without_air_of(image: Image, whole: AnyWhole) -> AnyWhole:
