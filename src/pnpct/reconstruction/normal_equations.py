@@ -32,7 +32,7 @@ INNER_ITERATIONS = 2
 MOST_INNER_ITERATIONS = 20
 """Steps that a solver takes while its residual is too large, as it is in the first data steps."""
 
-TOLERANCE = 0.1
+TOLERANCE = 0.09
 """Error of a solution that is small enough, relative to its noise, both in the norm of AᵀWA + β.
 
 In that norm the square of the noise is the number of pixels, and that of the image Σ w y²: an image of little noise is
