@@ -30,7 +30,8 @@ from interleaved import number, table
 from pnpct.operators import Projector
 from pnpct.operators.lane_kernels import aligned
 from pnpct.operators.ray_lines import LEFT, RIGHT, RayLines, ray_lines
-from pnpct.operators.strip_kernels import BLOCK, CHUNK, _block, back_project, project
+from pnpct.operators.strip_kernels import BLOCK, CHUNK, back_project, project, rows_together
+from pnpct.operators.support import reach_of_blocks, reach_of_rows
 from pnpct.operators.tiles import tile
 
 DIRECTIONS = ("forward", "adjoint")
@@ -83,8 +84,8 @@ def work_of(world: World) -> Work:
 
 def met(lines: RayLines, lanes: int) -> tuple[int, int]:
     """Count (strip, row) pairs of blocks that a strip meets, with two and with three taps, as the kernel decides it."""
-    rows, counts = _block(lanes), [0, 0]
-    for row in range(0, -(-lines.rows // BLOCK) * BLOCK, rows):
+    rows, counts = rows_together(lanes), [0, 0]
+    for row in range(0, lines.rows, rows):
         top = row - (lines.rows - 1) / 2
         left, wide = (
             [at + change * edge for edge in (top, top + rows - 1)]
@@ -162,7 +163,8 @@ def kernels(world: World, rounds: int) -> dict[str, dict[str, Any]]:
     image = aligned((-(-lines.rows // BLOCK) * BLOCK, LEFT + lines.cols + RIGHT, work.lanes))
     rays, zeros = aligned((lines.strips, work.lanes)), (0.0,) * work.lanes
     image[:], rays[:] = 1e-3, 1e-3
-    shape = (lines.rows, lines.cols)
+    reach = reach_of_blocks(reach_of_rows(lines, None), len(image), rows_together(work.lanes))
+    shape = (lines.rows, lines.cols, reach)
     own: Mapping[str, Callable[[], object]] = {
         "forward": lambda: project(image, columns, rays, *shape, zeros, 0, lines.strips),
         "adjoint": lambda: back_project(image, columns, rays, *shape, (0.0,), zeros, 0, len(image)),

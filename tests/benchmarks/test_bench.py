@@ -11,7 +11,7 @@ import cost_model
 from contenders import PEERS, Contender, World
 from interleaved import Entry, best, number, race, table
 from pnpct.operators.ray_lines import ray_lines
-from pnpct.operators.strip_kernels import BLOCK, _block
+from pnpct.operators.strip_kernels import BLOCK, rows_together
 from worker import ContenderError
 
 
@@ -36,7 +36,7 @@ def test_pairs_of_strip_and_row_are_those_of_a_plain_loop():
     (lines,) = ray_lines(world.grid, world.geometry(), "distance-driven")
     work = cost_model.work_of(world)
     two = three = 0
-    rows = _block(work.lanes)
+    rows = rows_together(work.lanes)
     for row in range(0, -(-lines.rows // BLOCK) * BLOCK, rows):
         ends = np.array([row, row + rows - 1]) - (lines.rows - 1) / 2
         for edge, slope, width, widening in zip(lines.edge, lines.slope, lines.width, lines.widening, strict=True):

@@ -27,7 +27,7 @@ def body(grid: ImageGrid) -> torch.Tensor:
 def foam(grid: ImageGrid) -> torch.Tensor:
     """Below the body, 32 mm thick."""
     x, y = torch.from_numpy(grid.x), torch.from_numpy(grid.y[:, None].copy())
-    return FOAM * ((y < -120) & (y > -152) & (x.abs() < 60)).float()
+    return FOAM * ((y < -144) & (y > -176) & (x.abs() < 60)).float()
 
 
 def of(image: torch.Tensor, grid: ImageGrid = GRID, geometry: FanBeam = GEOMETRY, quanta: float = 1e5) -> Whole:

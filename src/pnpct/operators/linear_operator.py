@@ -7,19 +7,23 @@ from jaxtyping import Float
 from torch import Tensor
 from typing_extensions import override
 
+from pnpct.arrays import Support
+
 Shape = tuple[int, ...]
 
 
 class LinearOperator(ABC):
     """A linear map between arrays with fixed trailing shapes; leading dimensions are a batch.
 
-    A subclass has `domain_shape` and `range_shape`, `forward` and `adjoint`; calling the operator checks the shape.
+    A subclass has `domain_shape` and `range_shape`, `forward` and `adjoint`; calling the operator checks the shape. It
+    may have a `support`: pixels of an image outside which it sees nothing, and its adjoint is 0.
     Whatever is summed over an image or over its rays is summed over `domain_dims` or `range_dims`, so that it holds for
     volumes too.
     """
 
     domain_shape: Shape
     range_shape: Shape
+    support: Support | None = None
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} from {self.domain_shape} to {self.range_shape}>"

@@ -185,7 +185,7 @@ def conjugate_gradient(
 
 
 def warm_started(
-    sinogram: Sinogram, A: AnyProjector, iterations: int, preconditioner: Preconditioner | None = None
+    sinogram: Sinogram, A: LinearOperator, iterations: int, preconditioner: Preconditioner | None = None
 ) -> Solve:
     """Make a solver that takes a few conjugate-gradient steps from the given image.
 
