@@ -90,13 +90,18 @@ def test_foam_stays_and_the_body_does_not_get_it(monkeypatch, generator):
     assert float(made[below].sum()) == pytest.approx(float(foam(GRID).sum()), rel=0.1)
 
 
-@pytest.mark.parametrize("kind", ["all of the image", "nothing", "limited angle", "few views", "at the border"])
+@pytest.mark.parametrize(
+    "kind", ["all of the image", "nothing", "limited angle", "few views", "at the border", "metal"]
+)
 def test_else_all_pixels_stay(kind):
     image = {"nothing": torch.zeros(GRID.shape), "limited angle": body(GRID), "few views": body(GRID)}.get(
         kind, torch.ones(GRID.shape)
     )
     if kind == "at the border":
         image = torch.roll(body(GRID), 38, dims=-1)
+    if kind == "metal":
+        image = body(GRID)
+        image[76:84, 70:78] = 8.0
     geometry = {"limited angle": GEOMETRY[:25], "few views": GEOMETRY[::4]}.get(kind, GEOMETRY)
     whole = of(image, geometry=geometry)
     assert without_air_of(image, whole) is whole

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from pnpct.arrays import Image, Support
 from pnpct.denoisers import Gaussian
+from pnpct.denoisers.learned import DENSEST
 from pnpct.geometry import ImageGrid
 from pnpct.operators.support import supported
 from pnpct.reconstruction.fbp import fbp
@@ -56,7 +57,8 @@ def without_air_of(image: Image, whole: AnyWhole) -> AnyWhole:
 
     The time of a data step, and of a network, goes with the number of pixels. What rays meet in those that are left out
     is what a first image has there: a couch, or foam, is not lost, nor taken for a part of the object. On a limited
-    angle, and where views are far apart, all stays as it is, since there a first image is not to be trusted.
+    angle, and where views are far apart, all stays as it is, since there a first image is not to be trusted; and with
+    metal, whose streaks go on around the object.
 
     Args:
         image: The first image, or volume.
@@ -68,11 +70,12 @@ def without_air_of(image: Image, whole: AnyWhole) -> AnyWhole:
     x, y = torch.from_numpy(coarse.x), torch.from_numpy(coarse.y.copy())[:, None]
     # How far all views see a square; beyond, in the corners, a first image has what is not there.
     within = (A.geometry.field_of_view_radius - torch.hypot(x, y)) / coarse.spacing
-    squares = Gaussian(BLUR)(halved(halved(image)) * (within > NEAR).to(image))  # no denoiser takes noise away there
+    means = halved(halved(image)) * (within > NEAR).to(image)  # no denoiser takes noise away beyond
+    squares = Gaussian(BLUR)(means)
     dense = (squares > AIR).reshape(-1, *coarse.shape).any(0).cpu()
     # An object near the border of what all views see may go on beyond it.
     unsure = A.geometry.limited_angle or far_apart(A) or bool((dense & (within < 2 * NEAR)).any())
-    if unsure or not bool(dense.any()):
+    if unsure or not bool(dense.any()) or bool((means > DENSEST).any()):
         return whole
     tangents = _tangents(dense, coarse, plane)
     narrow = _narrower(plane, tangents)
