@@ -83,7 +83,7 @@ def without_air_of(image: Image, whole: AnyWhole) -> AnyWhole:
     support = inside(kept.repeat_interleave(4, 0).repeat_interleave(4, 1)[: plane.rows, : plane.cols], narrow)
     if narrow == plane and bool(support.all()):
         return whole
-    rays = whole.sinogram.line_integrals - A.on(coarse)(squares.where(~kept, 0))
+    rays = whole.sinogram.line_integrals - A.on(coarse)(squares.where(~kept.to(image.device), 0))
     around = doubled(doubled(squares, half.shape), plane.shape)
     sinogram = replace(whole.sinogram, line_integrals=rays)
     return replace(whole, sinogram=sinogram, A=A.on(narrow, support.contiguous()), around=around)
