@@ -11,7 +11,8 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-from pnpct.operators.cone.cone_kernels import PAD, WIDTH, overlap_sum
+from pnpct.operators.cone.cone_kernels import PAD, WIDTH
+from pnpct.operators.cone.overlap_kernels import overlap_sums
 from pnpct.operators.fan_kernels import BLOCK, seen_from
 from pnpct.operators.vector_ir import Vector, element
 
@@ -32,7 +33,7 @@ def _add_between_rows(_, line, at, height, step, top, first, count, image, voxel
         low = vector.sub(vector.clip(heights, zero, vector.fill(top)), numbers)
         high = vector.add(low, one)
         source = element(context, builder, signature.args[0], line, at)
-        total = overlap_sum(builder, source, first, count, lambda k: vector.clip(k, low, high), squared=False)
+        (total,) = overlap_sums(builder, [source], first, count, lambda k: vector.clip(k, low, high), squared=False)
         target = element(context, builder, signature.args[7], image, voxel)
         vector.store(vector.add(vector.load(target, 4), total), target, 4)
         return context.get_dummy_value()

@@ -2,11 +2,9 @@
 
 A volume is stored as [row][column][slice] and rays as [cell][detector row]: the weights of a strip seen along the axis
 serve all slices. A few rows of the image, over which the ray hardly rises, are summed first (*gather*); then the slices
-of the sum are averaged between the edges of the detector rows (*to rows*). The transpose goes the same way back (*to
-slices*, *scatter*). Both work on the slices that the rays meet, in vectors that begin at multiples of eight.
+of the sum are averaged between the edges of the detector rows, by `overlap_kernels`. The transpose goes the same way
+back, and ends here (*scatter*). Both work on the slices that the rays meet, in vectors from multiples of eight on.
 
-Slice i and row j overlap by |[i, i+1] ∩ [e_j, e_j+1]|. Eight rows j together take slice j + k, for each k that may
-overlap: neighbours in memory.
 
 numba's cache on disk looks at the file of a kernel alone: after a change here, delete the `__pycache__` folder.
 """
@@ -20,7 +18,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from pnpct.operators.vector_ir import FLOAT, INT, LONG, Vector, element, times
+from pnpct.operators.vector_ir import INT, LONG, Vector, element, times
 
 WIDTH = 8
 """Slices or detector rows in a vector."""
@@ -40,7 +38,8 @@ UNROLLED = 8
 TAPS = 3
 """Columns that a strip may cover."""
 
-_ALIGN = 4 * WIDTH
+ALIGN = 4 * WIDTH
+"""Bytes."""
 
 
 @intrinsic
@@ -78,7 +77,7 @@ def weigh(_, edge, slope, width, widening, strip, row, cols, column, weight, slo
     return signature, generate
 
 
-def _for_each_count(
+def for_each_count(
     builder: ir.IRBuilder, count: Any, body: Callable[[int], None], otherwise: Callable[[], None] = lambda: None
 ) -> None:
     """Branch to the code for a count of 1, 2, … UNROLLED, or to that for another."""
@@ -139,12 +138,12 @@ def _gather(taps: int) -> Callable[..., None]:
                     for source, factor in steps:
                         filled = vector.fill(factor)
                         for piece, each in enumerate(sums):
-                            value = vector.load(builder.gep(source, [ir.Constant(LONG, piece * WIDTH)]), _ALIGN)
+                            value = vector.load(builder.gep(source, [ir.Constant(LONG, piece * WIDTH)]), ALIGN)
                             builder.store(vector.add(builder.load(each), vector.mul(filled, value)), each)
                 for piece, each in enumerate([*map(builder.load, sums), zero]):
                     vector.store(each, builder.gep(target, [ir.Constant(LONG, piece * WIDTH)]), 4)
 
-            _for_each_count(builder, args[10], body)
+            for_each_count(builder, args[10], body)
             return context.get_dummy_value()
 
         return signature, generate
@@ -174,10 +173,10 @@ def _scatter(taps: int) -> Callable[..., None]:
                         filled = vector.fill(builder.fmul(factor, factor) if squared else factor)
                         for piece, value in enumerate(values):
                             place = builder.gep(target, [ir.Constant(LONG, piece * WIDTH)])
-                            total = vector.add(vector.load(place, _ALIGN), vector.mul(filled, value))
-                            vector.store(total, place, _ALIGN)
+                            total = vector.add(vector.load(place, ALIGN), vector.mul(filled, value))
+                            vector.store(total, place, ALIGN)
 
-            _for_each_count(builder, args[10], body)
+            for_each_count(builder, args[10], body)
             return context.get_dummy_value()
 
         return signature, generate
@@ -187,85 +186,3 @@ def _scatter(taps: int) -> Callable[..., None]:
 
 gather2, gather3 = _gather(2), _gather(3)
 scatter2, scatter3 = _scatter(2), _scatter(3)
-
-
-def overlap_sum(
-    builder: ir.IRBuilder, source: Any, first: Any, count: Any, corner: Callable[[Any], Any], *, squared: bool
-) -> Any:
-    """Return Σ_k w_k source[k … k + WIDTH − 1], w_k = corner(k + 1) − corner(k), over `count` k from `first` on."""
-    vector = Vector(builder, WIDTH)
-    one = vector.constant([1] * WIDTH)
-    answer = cgutils.alloca_once(builder, vector.type)
-    begin = vector.fill(builder.sitofp(first, FLOAT))
-    source = builder.gep(source, [first])
-
-    def add(total: Any, k: Any, before: Any, offset: Any) -> tuple[Any, Any, Any]:
-        k = vector.add(k, one)
-        after = corner(k)
-        share = vector.sub(after, before)
-        share = vector.mul(share, share) if squared else share
-        return vector.add(total, vector.mul(share, vector.load(builder.gep(source, [offset]), 4))), k, after
-
-    def body(number: int) -> None:
-        state = (vector.constant([0] * WIDTH), begin, corner(begin))
-        for offset in range(number):
-            state = add(*state, ir.Constant(LONG, offset))
-        builder.store(state[0], answer)
-
-    def loop() -> None:
-        variables = [cgutils.alloca_once(builder, vector.type) for _ in range(3)]
-        for value, variable in zip((vector.constant([0] * WIDTH), begin, corner(begin)), variables, strict=True):
-            builder.store(value, variable)
-        with cgutils.for_range(builder, count) as each:
-            for value, variable in zip(add(*map(builder.load, variables), each.index), variables, strict=True):
-                builder.store(value, variable)
-        builder.store(builder.load(variables[0]), answer)
-
-    _for_each_count(builder, count, body, loop)
-    return builder.load(answer)
-
-
-@intrinsic
-def to_rows(_, sums, at, edge, step, scale, first, count, rays, ray):
-    """Write to WIDTH slices from target[place] `scale` times the rows rays[ray …] with edges from `edge` on."""
-    signature = types.void(sums, at, edge, step, scale, first, count, rays, ray)
-
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-        sums, at, edge, step, scale, first, count, rays, ray = args
-        vector = Vector(builder, WIDTH)
-        numbers = vector.constant(range(WIDTH))
-        low = vector.sub(vector.add(vector.fill(edge), vector.mul(numbers, vector.fill(step))), numbers)
-        high = vector.add(low, vector.fill(step))
-        source = element(context, builder, signature.args[0], sums, at)
-        total = overlap_sum(builder, source, first, count, lambda k: vector.clip(k, low, high), squared=False)
-        target = element(context, builder, signature.args[7], rays, ray)
-        total = vector.add(vector.load(target, _ALIGN), vector.mul(total, vector.fill(scale)))
-        vector.store(total, target, _ALIGN)
-        return context.get_dummy_value()
-
-    return signature, generate
-
-
-@intrinsic
-def to_slices(_, rays, ray, edge, step, scale, first, count, target, place, power):
-    """Write to WIDTH slices from target[place] on `scale` times the rows rays[ray …] with edges from `edge` on."""
-    squared = power.count == 2
-    signature = types.void(rays, ray, edge, step, scale, first, count, target, place, power)
-
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-        rays, ray, edge, step, scale, first, count, target, place, _ = args
-        vector = Vector(builder, WIDTH)
-        numbers = vector.constant(range(WIDTH))
-        zero, one, steps = vector.constant([0] * WIDTH), vector.constant([1] * WIDTH), vector.fill(step)
-        begin = vector.sub(vector.add(vector.fill(edge), vector.mul(numbers, steps)), numbers)
-
-        def corner(k: Any) -> Any:
-            return vector.clip(vector.add(begin, vector.mul(k, steps)), zero, one)
-
-        source = element(context, builder, signature.args[0], rays, ray)
-        total = overlap_sum(builder, source, first, count, corner, squared=squared)
-        place = element(context, builder, signature.args[7], target, place)
-        vector.store(vector.mul(total, vector.fill(scale)), place, 4)
-        return context.get_dummy_value()
-
-    return signature, generate

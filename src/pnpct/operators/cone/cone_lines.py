@@ -7,7 +7,7 @@ of the detector rows cut the slices at even distances
 
     e_j = low + t (rise + j step),   j = 0 … detector rows,
 
-in slices from the lower face of the volume.
+in slices from the lower face of the volume. Rows of the image that are neighbours share one t, and so do cells.
 """
 
 import math
@@ -27,6 +27,12 @@ BENT = 0.3
 MOST_TOGETHER = 8
 """Rows of the image that share one t, at most: compiled kernels weigh so many in one step."""
 
+CELLS_TOGETHER = 4
+"""Neighbouring cells of a view that share one t, or none do: compiled kernels have code for so many."""
+
+ASIDE = 0.1
+"""Detector rows by which a ray may leave its height where cells share one t."""
+
 
 @dataclass(frozen=True)
 class ConeLines:
@@ -35,9 +41,10 @@ class ConeLines:
     Args:
         strips: The strips seen along the axis; `measured` numbers views and bins.
         view: For each cell the number of its view.
-        part: For each cell the part t of the way from focal spot to cell at the middle row.
+        part: For each cell the part t of the way from focal spot to cell at the middle row, the mean of its group.
         change: Its change from row to row.
         nearness: One over the distance from focal spot to cell seen along the axis, 1/mm.
+        group: For each group of cells that share t the number of the first, and after all the number of cells.
     """
 
     strips: RayLines
@@ -45,6 +52,7 @@ class ConeLines:
     part: Array
     change: Array
     nearness: Array
+    group: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -64,8 +72,14 @@ class ViewHeights:
     cells: Array
 
 
-def cone_lines(grid: VolumeGrid, geometry: ConeBeam) -> list[ConeLines]:
-    """Tabulate the strips of all views: those that are steep in a slice, and those that are after a quarter turn."""
+def cone_lines(grid: VolumeGrid, geometry: ConeBeam, together: int = 1) -> list[ConeLines]:
+    """Tabulate the strips of all views: those that are steep in a slice, and those that are after a quarter turn.
+
+    Args:
+        grid: Where the voxels are.
+        geometry: Where the rays are.
+        together: Neighbouring cells that share one t.
+    """
     fan = seen_along_the_axis(geometry)
     spots, cells = fan.focal_spots()[:, None], fan.detector_points(fan.fan_angles)
     distance = np.linalg.norm(cells - spots, axis=-1)
@@ -77,13 +91,20 @@ def cone_lines(grid: VolumeGrid, geometry: ConeBeam) -> list[ConeLines]:
         view, cell = np.divmod(strips.measured[:, 0], fan.bins)
         spot, center = sign * spots[view, 0, axis], sign * grid.plane.center[axis]
         way = sign * cells[view, cell, axis] - spot
+        group = _groups(view, cell, together)
+
+        def shared(values: NDArray[np.float64], group: NDArray[np.int64] = group) -> Array:
+            sizes = np.diff(group)
+            return np.repeat(np.add.reduceat(values, group[:-1]) / sizes, sizes).astype(np.float32)
+
         tables.append(
             ConeLines(
                 strips=strips,
                 view=view.astype(np.int32),
-                part=((center - spot) / way).astype(np.float32),
-                change=(-grid.plane.spacing / way).astype(np.float32),
+                part=shared((center - spot) / way),
+                change=shared(-grid.plane.spacing / way),
                 nearness=(1 / distance[view, cell]).astype(np.float32),
+                group=group,
             )
         )
     return tables
@@ -102,14 +123,35 @@ def view_heights(grid: VolumeGrid, geometry: ConeBeam) -> ViewHeights:
     )
 
 
+def _groups(view: NDArray[np.int32], cell: NDArray[np.int32], most: int) -> NDArray[np.int64]:
+    """Return where groups of at most so many cells begin, neighbours in one view, and the number of all cells."""
+    numbers = np.arange(len(view))
+    apart = np.diff(view, prepend=-1) != 0
+    apart |= np.diff(cell, prepend=-1) != 1
+    runs = np.maximum.accumulate(np.where(apart, numbers, 0))
+    return np.append(np.flatnonzero((numbers - runs) % most == 0), len(view))
+
+
+def _highest(geometry: ConeBeam) -> float:
+    """Return the detector rows between the plane of the focal spot and the farthest edge of a row, at most."""
+    spots = geometry.focal_spots()
+    heights = geometry.trajectory.heights[:, None] - spots[:, 2:] + geometry.detector.row_edges[[0, -1]]
+    return float(np.abs(heights).max()) / geometry.detector.row_height
+
+
+def cells_together(geometry: ConeBeam) -> int:
+    """Return how many neighbouring cells share one t: `CELLS_TOGETHER`, or 1 if rays would leave their heights."""
+    # A ray is 45 degrees from the direction in which it crosses rows, at most.
+    change = math.sqrt(2) * geometry.detector.bin_width / geometry.source_to_detector
+    return CELLS_TOGETHER if (CELLS_TOGETHER - 1) / 2 * change * _highest(geometry) <= ASIDE else 1
+
+
 def rows_together(grid: VolumeGrid, geometry: ConeBeam) -> int:
     """Return how many rows of the image share one t: so many that no ray leaves its height by more than `BENT` rows."""
     spots = geometry.focal_spots()
     nearest = float(np.linalg.norm(spots[:, :2], axis=1).min()) - min(grid.plane.radius, geometry.field_of_view_radius)
-    heights = geometry.trajectory.heights[:, None] - spots[:, 2:] + geometry.detector.row_edges[[0, -1]]
-    highest = float(np.abs(heights).max()) / geometry.detector.row_height
     # A ray is 45 degrees from the direction in which it crosses rows, at most.
-    bend = highest * math.sqrt(2) * grid.plane.spacing / nearest
+    bend = _highest(geometry) * math.sqrt(2) * grid.plane.spacing / nearest
     together = MOST_TOGETHER
     while together > 1 and (together - 1) / 2 * bend > BENT:
         together //= 2

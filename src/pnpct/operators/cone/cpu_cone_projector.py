@@ -11,8 +11,17 @@ from pnpct.arrays import Support
 from pnpct.geometry import ConeBeam, VolumeGrid
 from pnpct.operators.cone import border_kernels as border
 from pnpct.operators.cone import sweep_kernels as kernels
-from pnpct.operators.cone.cone_kernels import CHUNK, PAD, WIDTH
-from pnpct.operators.cone.cone_lines import Array, ConeLines, ViewHeights, cone_lines, rows_together, view_heights
+from pnpct.operators.cone.cone_kernels import PAD, WIDTH
+from pnpct.operators.cone.cone_lines import (
+    CELLS_TOGETHER,
+    Array,
+    ConeLines,
+    ViewHeights,
+    cells_together,
+    cone_lines,
+    rows_together,
+    view_heights,
+)
 from pnpct.operators.cone.sweep_kernels import MARGIN
 from pnpct.operators.lane_kernels import aligned
 from pnpct.operators.support import reach_of_blocks, reach_of_rows
@@ -37,6 +46,7 @@ class CpuConeProjector:
     def __init__(self, grid: VolumeGrid, geometry: ConeBeam, support: Support | None = None) -> None:
         self._grid, self._geometry, self._support = grid, geometry, support
         self._together = rows_together(grid, geometry)
+        self._cells_together = cells_together(geometry)
         slices, rows, cols = grid.shape
         self._packed_shape = (rows + 2 * MARGIN, cols + 2 * MARGIN, _whole(slices))
 
@@ -48,16 +58,15 @@ class CpuConeProjector:
         for slab in self._slabs:
             for table in slab.tables:
                 sums = self._packed_rays(table)
-                piece = CHUNK * table.parts
-                each = -(-table.strips // (torch.get_num_threads() * piece)) * piece
+                cells = -(-table.groups // (torch.get_num_threads() * table.groups_of_a_cell))
                 # One piece of each thread: every piece goes through the whole volume.
                 parallel(
                     kernels.project,
-                    table.strips,
+                    table.groups,
                     packed.reshape(-1),
                     *self._arguments(slab, table),
                     sums.reshape(-1),
-                    multiple=each,
+                    multiple=cells * table.groups_of_a_cell,
                 )
                 parallel(border.unpack_rays, table.cells, sums, table.place, slab.heights.cells, rays[slab.views], PAD)
         return rays
@@ -91,7 +100,7 @@ class CpuConeProjector:
         for first in range(0, self._geometry.views, step):
             views = slice(first, min(first + step, self._geometry.views))
             geometry = self._geometry[views]
-            lines = cone_lines(self._grid, geometry)
+            lines = cone_lines(self._grid, geometry, self._cells_together)
             tables = [_table(each, self._geometry.bins, self._reach(each)) for each in lines]
             slabs.append(_Slab(views, view_heights(self._grid, geometry), tables))
         return slabs
@@ -123,8 +132,8 @@ class _Table:
     turn: int
     rows: int
     cols: int
-    parts: int
-    strips: int
+    groups: int
+    groups_of_a_cell: int
     cells: int
     farthest: float
     reach: Array
@@ -142,18 +151,23 @@ class _Slab:
 
 def _table(lines: ConeLines, bins: int, reach: Array) -> _Table:
     strips = lines.strips
+    if strips.parts == 1:
+        first, of_a_cell = lines.group, 1
+    else:  # the parts of a cell have one t too
+        parts = np.arange(0, strips.parts, CELLS_TOGETHER)
+        first, of_a_cell = np.append(np.arange(strips.strips)[:: strips.parts, None] + parts, strips.strips), len(parts)
     half = (strips.rows - 1) / 2
     return _Table(
         turn=strips.turns[0],
         rows=strips.rows,
         cols=strips.cols,
-        parts=strips.parts,
-        strips=strips.strips,
+        groups=len(first) - 1,
+        groups_of_a_cell=of_a_cell,
         cells=strips.measured.size,
         farthest=float((lines.part + half * np.abs(lines.change)).max()),
         reach=reach,
         lines=(strips.edge, strips.slope, strips.width, strips.widening, strips.length),
-        kernel_cells=(lines.view, lines.part, lines.change, strips.parts),
+        kernel_cells=(lines.view, lines.part, lines.change, first, strips.parts),
         place=(lines.view, strips.measured[:, 0] % bins, strips.length[:: strips.parts], lines.nearness),
     )
 

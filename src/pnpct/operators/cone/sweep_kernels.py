@@ -15,10 +15,10 @@ from pnpct.operators.cone.cone_kernels import (
     gather3,
     scatter2,
     scatter3,
-    to_rows,
-    to_slices,
     weigh,
 )
+from pnpct.operators.cone.cone_lines import CELLS_TOGETHER
+from pnpct.operators.cone.overlap_kernels import to_rows1, to_rows4, to_slices1, to_slices4
 
 MARGIN = 3
 """Rows and columns of zeros around the volume; strips that begin outside are moved there."""
@@ -52,104 +52,122 @@ def _within(first, count, most):
 
 @njit(inline="always")
 def _scratch(window):
-    """What is known of the strips of a chunk: columns and weights, sums over slices, numbers, edges."""
+    """What is known of the strips of a chunk: columns and weights, sums over slices; and of groups: numbers, edges."""
     return (
         np.empty((CHUNK, WIDTH), np.int32),
         np.empty((CHUNK, TAPS, WIDTH), np.float32),
         np.zeros(CHUNK * (window + 2 * PAD), np.float32),
-        np.empty((CHUNK, 4), np.int64),
+        np.empty((CHUNK, 6), np.int64),
         np.empty((CHUNK, 2), np.float32),
     )
 
 
 @njit(inline="always", **_OPTIONS)
-def _prepare(lines, cells, heights, shape, leftmost, rightmost, strip, last, row, count, scratch):
-    """Weigh up to CHUNK strips that meet `count` rows between two columns; return the next strip and how many.
+def _prepare(lines, cells, heights, shape, leftmost, rightmost, group, last, row, count, scratch):
+    """Weigh up to CHUNK strips of groups that meet `count` rows between two columns; return the next group, how many.
 
-    Of each strip are noted its number, its first slice, its vectors of slices, and whether it covers three columns;
-    the first edge of its detector rows, from that slice on, and their step.
+    Of each group are noted the cell of the first strip, the first strip's slot and that after the last, the first
+    slice, the vectors of slices, and whether strips cover three columns; the first edge of the detector rows, from that
+    slice on, and their step.
     """
     edge, slope, width, widening, _ = lines
-    view, part, change, parts = cells
+    view, part, change, first_strip, parts = cells
     low, rise, step, rows = heights
     height, cols, slices = shape
     column, weight, _, notes, edges = scratch
     top = np.float32(row) - np.float32((height - 1) * 0.5)
     bottom = top + np.float32(count - 1)
     middle = (top + bottom) * np.float32(0.5)
-    found = 0
-    while strip < last and found < CHUNK:
-        left0, left1 = edge[strip] + slope[strip] * top, edge[strip] + slope[strip] * bottom
-        wide0, wide1 = width[strip] + widening[strip] * top, width[strip] + widening[strip] * bottom
-        if max(left0 + wide0, left1 + wide1) > leftmost and min(left0, left1) < rightmost:
-            cell = strip // parts
+    found, slot = 0, 0
+    while group < last and slot <= CHUNK - CELLS_TOGETHER:
+        strip, end_strip = first_strip[group], first_strip[group + 1]
+        left, right, widest = np.float32(np.inf), np.float32(-np.inf), np.float32(0)
+        for outer in (strip, end_strip - 1):
+            left0, left1 = edge[outer] + slope[outer] * top, edge[outer] + slope[outer] * bottom
+            wide0, wide1 = width[outer] + widening[outer] * top, width[outer] + widening[outer] * bottom
+            left, right = min(left, left0, left1), max(right, left0 + wide0, left1 + wide1)
+            widest = max(widest, wide0, wide1)
+        if right > leftmost and left < rightmost:
+            cell = strip if parts == 1 else strip // parts
             seen = view[cell]
             t = np.float64(part[cell] + change[cell] * middle)
             begin, between = low[seen] + t * rise[seen], t * step
             end = begin + rows * between
             if end > 0 and begin < slices and between > 0:
                 first = (np.int64(max(begin, 0.0)) // WIDTH) * WIDTH
-                vectors = (min(np.int64(end) + 1, slices) - first + WIDTH - 1) // WIDTH
-                notes[found, 0], notes[found, 1], notes[found, 2] = strip, first, vectors
-                notes[found, 3] = max(wide0, wide1) > np.float32(1)
+                notes[found, 0], notes[found, 1], notes[found, 2] = cell, slot, slot + end_strip - strip
+                notes[found, 3], notes[found, 4] = first, (min(np.int64(end) + 1, slices) - first + WIDTH - 1) // WIDTH
+                notes[found, 5] = widest > np.float32(1)
                 edges[found, 0], edges[found, 1] = np.float32(begin - first), np.float32(between)
-                weigh(edge, slope, width, widening, strip, top, np.float32(cols), column, weight, found)
+                for number in range(strip, end_strip):
+                    weigh(edge, slope, width, widening, number, top, np.float32(cols), column, weight, slot)
+                    slot += 1
                 found += 1
-        strip += 1
-    return strip, found
+        group += 1
+    return group, found
 
 
 @njit(**_OPTIONS)
 def project(volume, steps, lines, cells, heights, shape, reach, together, window, rays, first, last):
-    """Sum the volume [row][column][slice] along the strips first … last − 1 into rays [cell][detector row].
+    """Sum the volume [row][column][slice] along strips, groups first … last − 1, into rays [cell][detector row].
 
     Args:
         volume: All of it in one dimension.
         steps: Its first element, and the steps to the next row and to the next column, of the frame of the strips.
         lines: The strips.
-        cells: For each cell its view, the part t and its change; strips per cell.
+        cells: For each cell its view, the part t and its change; the first strip of each group that shares them, of one
+            cell or of neighbours in one view, and the number of all strips; strips per cell.
         heights: Of each view, `ViewHeights`; and the detector rows.
         shape: Rows, columns, and slices.
         reach: On each block of rows the volume is 0 outside the columns reach[block, 0] … reach[block, 1] − 1.
         together: Rows that share one t.
         window: Most slices that a ray may meet in them.
         rays: All of them in one dimension.
-        first: Strips, whole cells.
-        last: Strips.
+        first: Groups, of whole cells.
+        last: Groups.
     """
     origin, row_step, column_step = steps
     high = (heights[3] + WIDTH - 1) // WIDTH * WIDTH
     scratch = _scratch(window)
     column, weight, sums, notes, edges = scratch
-    long, long_ray = window + 2 * PAD, high + PAD
-    rays[first // cells[3] * long_ray + PAD : last // cells[3] * long_ray + PAD] = 0
+    long, long_ray, parts = window + 2 * PAD, high + PAD, cells[4]
+    beside = long_ray if parts == 1 else 0
+    rays[cells[3][first] // parts * long_ray + PAD : cells[3][last] // parts * long_ray + PAD] = 0
     for row in range(0, shape[0], together):
         count = min(together, shape[0] - row)
         leftmost, rightmost = reach[row // together]
         if leftmost >= rightmost:
             continue
-        start, strip = origin + row * row_step, first
-        while strip < last:
-            strip, found = _prepare(lines, cells, heights, shape, leftmost, rightmost, strip, last, row, count, scratch)
-            for slot in range(found):
-                for piece in range(0, notes[slot, 2], UNROLLED):
-                    vectors = min(notes[slot, 2] - piece, UNROLLED)
-                    at, to = start + notes[slot, 1] + piece * WIDTH, slot * long + PAD + piece * WIDTH
-                    if notes[slot, 3]:
-                        gather3(volume, at, row_step, column_step, column, weight, slot, count, sums, to, vectors)
-                    else:
-                        gather2(volume, at, row_step, column_step, column, weight, slot, count, sums, to, vectors)
-            for slot in range(found):
-                edge, step = edges[slot, 0], edges[slot, 1]
-                ray, most = notes[slot, 0] // cells[3] * long_ray + PAD, notes[slot, 2] * WIDTH
+        start, group = origin + row * row_step, first
+        while group < last:
+            group, found = _prepare(lines, cells, heights, shape, leftmost, rightmost, group, last, row, count, scratch)
+            for each in range(found):
+                for slot in range(notes[each, 1], notes[each, 2]):
+                    for piece in range(0, notes[each, 4], UNROLLED):
+                        vectors = min(notes[each, 4] - piece, UNROLLED)
+                        at, to = start + notes[each, 3] + piece * WIDTH, slot * long + PAD + piece * WIDTH
+                        if notes[each, 5]:
+                            gather3(volume, at, row_step, column_step, column, weight, slot, count, sums, to, vectors)
+                        else:
+                            gather2(volume, at, row_step, column_step, column, weight, slot, count, sums, to, vectors)
+            for each in range(found):
+                edge, step = edges[each, 0], edges[each, 1]
+                ray, most = notes[each, 0] * long_ray + PAD, notes[each, 4] * WIDTH
                 lean = np.float32(WIDTH - 1) * (step - np.float32(1))
                 neighbours = _most_whole(abs(lean) + step)
+                scale, slot = np.float32(1) / step, notes[each, 1]
                 for number in range(0, high, WIDTH):
                     begin = edge + np.float32(number) * step
                     k, count_k = _within(_floor(min(begin, begin + lean)), neighbours, most)
-                    if count_k > 0:
-                        at = slot * long + PAD
-                        to_rows(sums, at, begin, step, np.float32(1) / step, k, count_k, rays, ray + number)
+                    if count_k <= 0:
+                        continue
+                    at, to = slot * long + PAD, ray + number
+                    if notes[each, 2] - slot == CELLS_TOGETHER:
+                        to_rows4(sums, at, long, begin, step, scale, k, count_k, rays, to, beside)
+                    else:
+                        for _ in range(slot, notes[each, 2]):
+                            to_rows1(sums, at, long, begin, step, scale, k, count_k, rays, to, beside)
+                            at, to = at + long, to + beside
 
 
 @njit(**_OPTIONS)
@@ -162,37 +180,45 @@ def back_project(volume, steps, lines, cells, heights, shape, reach, together, w
     high = (heights[3] + WIDTH - 1) // WIDTH * WIDTH
     scratch = _scratch(window)
     column, weight, sums, notes, edges = scratch
-    long, long_ray, strips = window + 2 * PAD, high + PAD, len(lines[0])
+    long, long_ray, groups = window + 2 * PAD, high + PAD, len(cells[3]) - 1
+    beside = long_ray if cells[4] == 1 else 0
     for row in range(first, last, together):
         count = min(together, last - row)
         leftmost, rightmost = reach[row // together]
         if leftmost >= rightmost:
             continue
-        start, strip = origin + row * row_step, 0
-        while strip < strips:
-            strip, found = _prepare(
-                lines, cells, heights, shape, leftmost, rightmost, strip, strips, row, count, scratch
+        start, group = origin + row * row_step, 0
+        while group < groups:
+            group, found = _prepare(
+                lines, cells, heights, shape, leftmost, rightmost, group, groups, row, count, scratch
             )
-            for slot in range(found):
-                edge, step = edges[slot, 0], edges[slot, 1]
-                ray, inverse = notes[slot, 0] // cells[3] * long_ray + PAD, np.float32(1) / step
+            for each in range(found):
+                edge, step = edges[each, 0], edges[each, 1]
+                ray, inverse = notes[each, 0] * long_ray + PAD, np.float32(1) / step
                 lean = np.float32(WIDTH - 1) * (inverse - np.float32(1))
                 neighbours = _most_whole(abs(lean) + inverse)
                 scale = inverse * inverse if len(power) == 2 else inverse
-                for number in range(0, notes[slot, 2] * WIDTH, WIDTH):
+                for number in range(0, notes[each, 4] * WIDTH, WIDTH):
                     begin = (np.float32(number) - edge) * inverse
                     k, count_k = _within(_floor(min(begin, begin + lean)), neighbours, high)
-                    begin, to = edge - np.float32(number), slot * long + PAD + number
-                    to_slices(rays, ray, begin, step, scale, k, count_k, sums, to, power)
-            for slot in range(found):
-                for piece in range(0, notes[slot, 2], UNROLLED):
-                    vectors = min(notes[slot, 2] - piece, UNROLLED)
-                    at, source = start + notes[slot, 1] + piece * WIDTH, slot * long + PAD + piece * WIDTH
-                    if notes[slot, 3]:
-                        scatter3(
-                            volume, at, row_step, column_step, column, weight, slot, count, sums, source, vectors, power
-                        )
+                    begin, slot = edge - np.float32(number), notes[each, 1]
+                    at, to = ray, slot * long + PAD + number
+                    if notes[each, 2] - slot == CELLS_TOGETHER:
+                        to_slices4(rays, at, beside, begin, step, scale, k, count_k, sums, to, long, power)
                     else:
-                        scatter2(
-                            volume, at, row_step, column_step, column, weight, slot, count, sums, source, vectors, power
-                        )
+                        for _ in range(slot, notes[each, 2]):
+                            to_slices1(rays, at, beside, begin, step, scale, k, count_k, sums, to, long, power)
+                            at, to = at + beside, to + long
+            for each in range(found):
+                for slot in range(notes[each, 1], notes[each, 2]):
+                    for piece in range(0, notes[each, 4], UNROLLED):
+                        vectors = min(notes[each, 4] - piece, UNROLLED)
+                        at, to = start + notes[each, 3] + piece * WIDTH, slot * long + PAD + piece * WIDTH
+                        if notes[each, 5]:
+                            scatter3(
+                                volume, at, row_step, column_step, column, weight, slot, count, sums, to, vectors, power
+                            )
+                        else:
+                            scatter2(
+                                volume, at, row_step, column_step, column, weight, slot, count, sums, to, vectors, power
+                            )

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from pnpct.geometry import ConeBeam, VolumeGrid
-from pnpct.operators.cone.cone_lines import ConeLines, cone_lines, rows_together, view_heights
+from pnpct.operators.cone.cone_lines import ConeLines, cells_together, cone_lines, rows_together, view_heights
 from pnpct.operators.ray_lines import LEFT, NARROWEST, RIGHT, TAPS
 
 _ELEMENTS = 1 << 23
@@ -51,6 +51,7 @@ class TorchConeProjector:
     def __init__(self, grid: VolumeGrid, geometry: ConeBeam, device: torch.device) -> None:
         self._grid, self._geometry, self._device = grid, geometry, device
         self._together = rows_together(grid, geometry)
+        self._cells_together = cells_together(geometry)
 
     def project(self, volume: Tensor) -> Tensor:
         """Return the sums along all rays."""
@@ -83,7 +84,7 @@ class TorchConeProjector:
 
     def _pieces(self) -> Iterator[_Piece]:
         for view in range(self._geometry.views):
-            for lines in cone_lines(self._grid, self._geometry[view : view + 1]):
+            for lines in cone_lines(self._grid, self._geometry[view : view + 1], self._cells_together):
                 groups = -(-lines.strips.rows // self._together)
                 numbers = groups * self._geometry.rows * self._grid.slices
                 step = max(1, _ELEMENTS // max(numbers, lines.strips.rows * self._grid.slices))
