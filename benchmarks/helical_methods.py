@@ -32,6 +32,7 @@ from pnpct.reconstruction import (
     planes_of_a_row,
     reconstruct_cone_volume,
     reconstruct_volume,
+    slice_distance,
 )
 from reference_scans import ReferenceCone, chest_rows
 
@@ -42,6 +43,7 @@ def methods(reference: ReferenceCone, grid: VolumeGrid) -> dict[str, dict[str, M
     """The choices of each method; that of plug-and-play is what the command does."""
     planes = TiltedPlanes(reference.geometry)
     reach = planes_of_a_row(planes, plane_distance(planes, grid, 0.0, None))
+    across_rows = planes_of_a_row(planes, slice_distance(grid, reference.geometry))
     strengths = (1.0, 1.5, 2.0, 3.0, 4.0)
     return {
         "FBP": {kernel: FBP(kernel) for kernel in ("ram-lak", "shepp-logan", "hann", "soft")},
@@ -49,7 +51,7 @@ def methods(reference: ReferenceCone, grid: VolumeGrid) -> dict[str, dict[str, M
         "TV over three axes": {f"{strength:g}": TVPWLS(strength, across=1.0) for strength in strengths},
         PLANES: {"defaults": PlugAndPlay(AcrossSlices(load_denoiser("n2n"), reach=reach))},
         "PnP n2n, planes alone": {"defaults": PlugAndPlay(load_denoiser("n2n"))},
-        CONE: {"defaults": PlugAndPlay(load_denoiser("n2n"))},
+        CONE: {"defaults": PlugAndPlay(AcrossSlices(load_denoiser("n2n"), reach=across_rows))},
     }
 
 

@@ -21,7 +21,7 @@ from pnpct.reconstruction.reconstructed import Method
 from pnpct.reconstruction.volume import Slab
 from pnpct.reconstruction.whole_volume import weights_of_rays
 
-SLICES_OF_A_SLAB = 64
+SLICES_OF_A_SLAB = 48
 """Slices that are reconstructed together, besides those that rays reach beyond them."""
 
 _TOGETHER = 256
@@ -50,8 +50,8 @@ def reconstruct_cone_volume(
     detector row at the isocentre or thinner, up to a hundredth; thicker ones are means over several.
 
     Each process has in memory the rays and weights of the views of a slab, some times over, and ten volumes of its
-    slices and those beyond it. With 984 x 900 rays a turn in 32 rows and 512 x 512 pixels of a slab of 64 slices, that
-    is 7.7 GB, whatever the number of slices.
+    slices and those beyond it. With 984 x 900 rays a turn in 32 rows and 512 x 512 pixels of a slab of 48 slices, that
+    is 5.2 GiB, whatever the number of slices.
 
     Args:
         rays: The line integrals and weights of the views with the given numbers. Other processes need what can be
