@@ -51,7 +51,7 @@ def reconstruct_cone_volume(
 
     Each process has in memory the rays and weights of the views of a slab, some times over, and ten volumes of its
     slices and those beyond it. With 984 x 900 rays a turn in 32 rows and 512 x 512 pixels of a slab of 48 slices, that
-    is 5.2 GiB, whatever the number of slices.
+    is some 5 GiB, whatever the number of slices.
 
     Args:
         rays: The line integrals and weights of the views with the given numbers. Other processes need what can be

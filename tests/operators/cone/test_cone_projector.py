@@ -67,10 +67,12 @@ def test_a_batch_is_its_volumes_in_their_precision(generator):
     assert torch.equal(together[1, 0], A(x[1, 0]))
 
 
-def test_the_result_does_not_depend_on_threads_or_on_slabs_of_views(generator, monkeypatch):
-    x = torch.rand(GRID.shape, generator=generator)
-    y = torch.rand(HELIX.shape, generator=generator)
-    A = ConeProjector(GRID, HELIX)
+@pytest.mark.parametrize("kind", ["helix", "cells that share heights", "more parts of a cell than neighbours"])
+def test_the_result_does_not_depend_on_threads_or_on_slabs_of_views(kind, generator, monkeypatch):
+    geometry, grid = WORLDS[kind]
+    x = torch.rand(grid.shape, generator=generator)
+    y = torch.rand(geometry.shape, generator=generator)
+    A = ConeProjector(grid, geometry)
     threads = torch.get_num_threads()
     try:
         torch.set_num_threads(1)
@@ -81,8 +83,11 @@ def test_the_result_does_not_depend_on_threads_or_on_slabs_of_views(generator, m
     finally:
         torch.set_num_threads(threads)
     monkeypatch.setattr("pnpct.operators.cone.cpu_cone_projector.SLAB", 2000)
-    B = ConeProjector(GRID, HELIX)
-    assert torch.equal(first, B(x))
+    B = ConeProjector(grid, geometry)
+    if kind.startswith("more parts"):  # how many parts depends on the views beside: equal up to rounding
+        torch.testing.assert_close(first, B(x), rtol=1e-4, atol=1e-4 * float(first.max()))
+    else:
+        assert torch.equal(first, B(x))
     torch.testing.assert_close(first_adjoint, B.T(y))
 
 

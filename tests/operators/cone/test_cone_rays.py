@@ -101,31 +101,27 @@ def test_the_highest_row_sees_what_is_towards_the_head():
     assert seen == pytest.approx([21 * 949 / 541, 0.0], abs=1.0)
 
 
-def test_rows_of_pixels_that_share_a_height_blur_the_outermost_rows_alone(monkeypatch):
-    """A thin disc, seen by each row: the same to 2 % of its height."""
+def shared_and_exact(monkeypatch, bound: str, bins: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """A thin disc far from the middle, seen by each row, with shared heights and with a bound of them set to 0."""
     grid = VolumeGrid(ImageGrid(128, 128, spacing=3.9), 33, 0.625)
     volume = torch.zeros(grid.shape)
     volume[26, 30:34, 60:68] = 1.0
-    detector = Detector(bins=113, bin_width=8.0, rows=32, row_height=0.625 * 949 / 541)
+    detector = Detector(bins=bins, bin_width=904 / bins, rows=32, row_height=0.625 * 949 / 541)
     geometry = ConeBeam(Trajectory(evenly_spaced_views(12)), detector, 541.0, 949.0)
     shared = ConeProjector(grid, geometry)(volume)
-    monkeypatch.setattr("pnpct.operators.cone.cone_lines.BENT", 0.0)
-    exact = ConeProjector(grid, geometry)(volume)
+    monkeypatch.setattr(f"pnpct.operators.cone.cone_lines.{bound}", 0.0)
+    return shared, ConeProjector(grid, geometry)(volume)
+
+
+def test_rows_of_pixels_that_share_a_height_blur_the_outermost_rows_alone(monkeypatch):
+    shared, exact = shared_and_exact(monkeypatch, "BENT", 113)
     assert not torch.equal(shared, exact)
     assert float((shared - exact).abs().max()) < 0.1 * float(exact.max())
     assert math.isclose(float(shared.sum()), float(exact.sum()), rel_tol=1e-4)
 
 
-def test_cells_that_share_a_height_move_rays_by_a_tenth_of_a_row(monkeypatch):
-    """A thin disc far from the middle, seen by each row."""
-    grid = VolumeGrid(ImageGrid(128, 128, spacing=3.9), 33, 0.625)
-    volume = torch.zeros(grid.shape)
-    volume[26, 30:34, 60:68] = 1.0
-    detector = Detector(bins=450, bin_width=2.0, rows=32, row_height=0.625 * 949 / 541)
-    geometry = ConeBeam(Trajectory(evenly_spaced_views(12)), detector, 541.0, 949.0)
-    shared = ConeProjector(grid, geometry)(volume)
-    monkeypatch.setattr("pnpct.operators.cone.cone_lines.ASIDE", 0.0)
-    exact = ConeProjector(grid, geometry)(volume)
+def test_cells_that_share_a_height_differ_by_a_few_percent_of_a_thin_disc(monkeypatch):
+    shared, exact = shared_and_exact(monkeypatch, "ASIDE", 452)
     difference = (shared - exact).abs().max() / exact.max()
     assert 1e-6 < float(difference) < 0.03
     assert math.isclose(float(shared.sum()), float(exact.sum()), rel_tol=1e-5)
