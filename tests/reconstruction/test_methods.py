@@ -21,7 +21,7 @@ from pnpct.reconstruction import (
     starting_state,
 )
 from pnpct.reconstruction.around_network import around_network
-from pnpct.reconstruction.methods import FALL, falling
+from pnpct.reconstruction.iteration_schedule import FALL, FEWEST, MOST, enough_iterations, falling
 from pnpct.reconstruction.normal_equations import balanced_sigma_v, plain
 
 TV = TotalVariation(0.05)
@@ -50,8 +50,7 @@ def network() -> LearnedDenoiser:
 
 def iterates(sinogram: Sinogram, A: Projector, denoise, number: int) -> list[torch.Tensor]:
     start, last = starting_state(sinogram, A), PlugAndPlay.sigma_v
-    balanced = balanced_sigma_v(sinogram, A, start.v)
-    sigma_v = falling(balanced.maximum((3 * balanced).clamp(max=3 * last)), last)
+    sigma_v = falling(balanced_sigma_v(sinogram, A, start.v), last)
     denoise = around_network(denoise, A.grid.spacing)
     states = pnp_admm(sinogram, A, denoise, start, sigma_v=sigma_v, damping=PlugAndPlay.damping)
     return [state.v for state in itertools.islice(states, number)]
@@ -105,6 +104,25 @@ def test_at_low_dose_sigma_v_falls_to_what_was_asked_for(sinogram, A, monkeypatc
     assert solver == pytest.approx([begun, FALL * begun, FALL**2 * begun, *17 * [last]], rel=1e-5)
     from_there = itertools.islice(pnp_admm(weak, A, blur, start, sigma_v=last, damping=damping), 39, None)
     assert float((made - next(from_there).v).square().mean().sqrt()) < 1e-3
+
+
+def test_the_noisier_an_image_the_more_iterations_are_enough():
+    numbers = enough_iterations(torch.tensor([0.1, 1.9, 2.1, 3.0, 4.0, 9.0])).tolist()
+    assert numbers == [FEWEST, FEWEST, 4, 6, 9, MOST]
+
+
+def test_each_image_of_a_batch_has_its_own_number_of_iterations(sinogram, A):
+    y, w, blur = sinogram.line_integrals, sinogram.weights.diagonal, Gaussian(0.7)
+    balanced = float(balanced_sigma_v(sinogram, A))
+    weights = [w * (balanced / (ratio * PlugAndPlay.sigma_v)) ** 2 for ratio in (1.0, 3.0, 9.0)]
+    numbers = [PlugAndPlay(blur)(Sinogram(y, DiagonalWeights(each)), A).iterations for each in weights]
+    assert numbers == [FEWEST, 6, MOST]
+    batch = Sinogram(y.expand(3, *y.shape), DiagonalWeights(torch.stack(weights)))
+    together = PlugAndPlay(blur)(batch, A)
+    assert (together.iterations, together.stopped_by) == (MOST, "iterations")
+    as_many = {number: PlugAndPlay(blur, iterations=number)(batch, A).image for number in numbers}
+    assert torch.equal(together.image, torch.stack([as_many[number][i] for i, number in enumerate(numbers)]))
+    assert (as_many[MOST] - together.image).abs().amax((-2, -1)).gt(1e-3).tolist() == [True, True, False]
 
 
 def test_reconstruct_is_the_one_line_around_the_method(sinogram, A):

@@ -18,6 +18,7 @@ from pnpct.reconstruction import (
     RuleName,
     SolverName,
 )
+from pnpct.reconstruction.iteration_schedule import FEWEST, MOST
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS
 
 
@@ -31,7 +32,8 @@ class MethodOptions(DenoiserOptions):
         kernel: Reconstruction kernel of fbp, from sharp to smooth.
         sigma_v: How closely pnp follows the denoised image, as a standard deviation in HU: smaller is smoother.
         damping: Fraction of the dual variable that pnp drops in each iteration; 0 is the paper's ADMM.
-        iterations: Maximum number of iterations of pnp and tv.
+        iterations: Maximum number of iterations of pnp and tv; for pnp that depends on the noise of each slice if it is
+            not given.
         solver: Solver of the data step of pnp.
         inner_iterations: Minimum number of solver steps per iteration of pnp; more are taken while the residual is
             large.
@@ -43,7 +45,7 @@ class MethodOptions(DenoiserOptions):
     kernel: Annotated[Kernel | None, option(default=FBP.kernel)] = None
     sigma_v: Annotated[float | None, option(default=PlugAndPlay.sigma_v)] = None
     damping: Annotated[float | None, option(default=PlugAndPlay.damping)] = None
-    iterations: Annotated[int | None, option(default=f"{PlugAndPlay.iterations}, {TVPWLS.iterations} with tv")] = None
+    iterations: Annotated[int | None, option(default=f"{FEWEST} to {MOST}, {TVPWLS.iterations} with tv")] = None
     solver: Annotated[SolverName | None, option(default=PlugAndPlay.solver)] = None
     inner_iterations: Annotated[int | None, option(default=INNER_ITERATIONS)] = None
     stop: Annotated[RuleName | None, option(default=TVPWLS.stop)] = None

@@ -179,7 +179,7 @@ class PaperMethods:
         supervised: Network trained on dose pairs alone, by name or file.
         two_stage: Network trained in two stages, by name or file.
         sigma_v: How closely plug-and-play follows the denoised image, as a standard deviation in HU.
-        iterations: Maximum number of iterations of plug-and-play.
+        iterations: Maximum number of iterations of plug-and-play; None for what the noise needs.
         denoiser: Another denoiser to compare plug-and-play with: a network that comes with pnpct, the file of one, a
             classical denoiser, or "my_package.module:name".
     """
@@ -190,7 +190,7 @@ class PaperMethods:
     supervised: str = "supervised"
     two_stage: str = "n2n"
     sigma_v: float = PlugAndPlay.sigma_v
-    iterations: int = PlugAndPlay.iterations
+    iterations: int | None = PlugAndPlay.iterations
     denoiser: tuple[str, ...] = ()
 
     def candidates(self) -> Candidates:

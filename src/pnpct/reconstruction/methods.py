@@ -22,6 +22,7 @@ from pnpct.reconstruction.fbp import fbp
 from pnpct.reconstruction.fdk import about_filtered_cone, circle_volume
 from pnpct.reconstruction.finer_pixels import on_finer_pixels
 from pnpct.reconstruction.iterated import iterated
+from pnpct.reconstruction.iteration_schedule import enough_iterations, falling
 from pnpct.reconstruction.normal_equations import INNER_ITERATIONS, balanced_sigma_v, penalty_of
 from pnpct.reconstruction.pnp_admm import SIGMA_V, ADMMState, check_damping, pnp_admm
 from pnpct.reconstruction.reconstructed import Progress, Reconstruction, unwatched
@@ -32,12 +33,6 @@ from pnpct.reconstruction.tilted_volume import StartingImage, tilted_volume
 from pnpct.reconstruction.whole_object import Whole, beyond_fan, beyond_image, lines_left_out
 from pnpct.reconstruction.whole_volume import WholeVolume, corrected_for_bone_in, whole_volume
 from pnpct.reconstruction.without_air import inside, without_air, without_air_of
-
-FIRST = 3.0
-"""σ_v in the first iteration over that in the last one, at least: what edges need comes from the data at once."""
-
-FALL = 0.45
-"""σ_v in each of the first iterations over that of the one before."""
 
 AMONG_STREAKS = 0.5
 """σ_v where views are far apart over that elsewhere: what it lets into x + u are streaks, which networks keep."""
@@ -137,29 +132,33 @@ class TVPWLS:
     def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
         if isinstance(A, ConeProjector):
-            return iterated(self, *_in_space(sinogram, A), progress)
+            return self._iterated(*_in_space(sinogram, A), progress)
         whole, smooth = without_air(_whole(sinogram, A))
-        return iterated(self, whole, starting_state(whole.sinogram, whole.A, smooth), progress)
+        return self._iterated(whole, starting_state(whole.sinogram, whole.A, smooth), progress)
+
+    def _iterated(self, whole: Whole | WholeVolume, start: ADMMState, progress: Progress) -> Reconstruction:
+        states, stop = self.states(whole.sinogram, whole.A, start), self.stop
+        return iterated(states, whole, start, progress, iterations=self.iterations, stop=stop, settings=self.settings)
 
 
 @dataclass(frozen=True)
 class PlugAndPlay:
     """Plug-and-play ADMM, from `starting_state` on.
 
-    σ_v is larger in the first iterations: it begins at `FIRST` times the last one, but no more than as many times the
-    one that is in balance with the data, and no less than in balance; and falls by `FALL` in each. So the edges come
-    from the data, quickly; what σ_v ends with decides how noisy the image is. ADMM is damped: what u collects is mostly
-    noise, and networks, the proximal maps of no function, would take it for anatomy. On a limited angle the image has
-    no negative attenuation (`possible`). A network sees the image mirrored in turn, a little total variation is behind
-    it, and the image is the mean of the last two iterates (`around_network`). Where the pixels are large, the noise low
-    and the network knows smaller ones, the iterates have pixels of half the size (`on_finer_pixels`).
+    σ_v is larger in the first iterations (`falling`), so that the edges come from the data, quickly; what it ends with
+    decides how noisy the image is. ADMM is damped: what u collects is mostly noise, and networks, the proximal maps of
+    no function, would take it for anatomy. On a limited angle the image has no negative attenuation (`possible`). A
+    network sees the image mirrored in turn, a little total variation is behind it, and the image is the mean of the
+    last two iterates (`around_network`). Where the pixels are large, the noise low and the network knows smaller ones,
+    the iterates have pixels of half the size (`on_finer_pixels`).
 
     Args:
         denoise: D, with its strength inside.
         sigma_v: Standard deviation to which the denoised image is trusted in the end, HU, > 0; far below that of the
             data it is not reached. The default suits all doses and patients. Where views are far apart, half is taken.
         damping: Fraction of u that each iteration drops, 0 to 1; the paper's ADMM has 0.
-        iterations: Maximum number of iterations, at least 1.
+        iterations: Maximum number of iterations, at least 1; None for what the noise of each image needs, from `FEWEST`
+            to `MOST` (`enough_iterations`).
         stop: Stopping rule that may end the iterations earlier.
         solver: Solver of the data step.
         inner_iterations: Minimum steps of an iterative solver in each iteration; its own default if None.
@@ -174,7 +173,7 @@ class PlugAndPlay:
     denoise: Denoise
     sigma_v: float = SIGMA_V
     damping: float = 0.5
-    iterations: int = 4
+    iterations: int | None = None
     stop: RuleName = "relative"
     solver: SolverName = "fourier"
     inner_iterations: int | None = None
@@ -204,26 +203,24 @@ class PlugAndPlay:
 
     def states(self, sinogram: Sinogram, A: AnyProjector, start: ADMMState) -> Iterator[ADMMState]:
         """Yield the iterates from a state on, for ever."""
-        solver = solver_by_name(self.solver, inner_iterations=self.inner_iterations)
-        balanced = balanced_sigma_v(sinogram, A, start.v)
-        last = self._last(A)
-        first = balanced.maximum((FIRST * balanced).clamp(max=FIRST * last))
+        return self._states(sinogram, A, start, balanced_sigma_v(sinogram, A, start.v))
+
+    def _states(self, sinogram: Sinogram, A: AnyProjector, start: ADMMState, balanced: Tensor) -> Iterator[ADMMState]:
         return pnp_admm(
             sinogram,
             A,
             possible(around_network(self.denoise, A.grid.plane.spacing), A),
             start,
-            sigma_v=falling(first, last),
+            sigma_v=falling(balanced, self._last(A)),
             damping=self.damping,
-            solver=solver,
+            solver=solver_by_name(self.solver, inner_iterations=self.inner_iterations),
         )
 
     def __call__(self, sinogram: Sinogram, A: AnyProjector, *, progress: Progress = unwatched) -> Reconstruction:
         """Reconstruct."""
         if isinstance(A, ConeProjector):
             check_in_space(self.solver)
-            whole, start = _in_space(sinogram, A)
-            return iterated(self, whole, start, progress, mean_of=iterates_in_image(self.denoise))
+            return self._iterated(*_in_space(sinogram, A), progress)
         divided = on_finer_pixels(_whole(sinogram, A), self.denoise)
         if far_apart(divided.A):
             said = f"Views are far apart: it began with total variation, and σ_v falls to {self._last(divided.A):g} HU."
@@ -231,8 +228,22 @@ class PlugAndPlay:
         smooth = None
         if self.solver in ITERATIVE:  # direct solvers are for what was asked for
             divided, smooth = without_air(divided)
-        start = starting_state(divided.sinogram, divided.A, smooth)
-        return iterated(self, divided, start, progress, mean_of=iterates_in_image(self.denoise))
+        return self._iterated(divided, starting_state(divided.sinogram, divided.A, smooth), progress)
+
+    def _iterated(self, whole: Whole | WholeVolume, start: ADMMState, progress: Progress) -> Reconstruction:
+        balanced = balanced_sigma_v(whole.sinogram, whole.A, start.v)
+        enough = enough_iterations(balanced / self.sigma_v) if self.iterations is None else self.iterations
+        states = self._states(whole.sinogram, whole.A, start, balanced)
+        return iterated(
+            states,
+            whole,
+            start,
+            progress,
+            iterations=enough,
+            stop=self.stop,
+            settings=self.settings,
+            mean_of=iterates_in_image(self.denoise),
+        )
 
 
 METHODS: dict[str, type[FBP | TVPWLS | PlugAndPlay]] = {"fbp": FBP, "pnp": PlugAndPlay, "tv": TVPWLS}
@@ -255,14 +266,6 @@ def reconstruct(sinogram: Sinogram, A: Projector, denoise: Denoise, **options: A
         ValueError: If an option is out of range.
     """
     return PlugAndPlay(denoise, **options)(sinogram, A).image
-
-
-def falling(sigma_v: Tensor, last: float) -> Iterator[Tensor]:
-    """Yield σ_v of each iteration, HU: from the given ones down by `FALL` to the last one, for ever."""
-    while True:
-        sigma_v = sigma_v.clamp(min=last)
-        yield sigma_v
-        sigma_v = FALL * sigma_v
 
 
 def _whole(sinogram: Sinogram, A: Projector) -> Whole:

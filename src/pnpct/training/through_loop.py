@@ -28,6 +28,7 @@ from pnpct.evaluation import body_mask, soft_tissue_mask
 from pnpct.files import MANIFEST, exposure_pixel, read_manifest, sha256_of
 from pnpct.reconstruction import PlugAndPlay
 from pnpct.reconstruction.around_network import MIRRORS_IN_IMAGE, mirrored
+from pnpct.reconstruction.iteration_schedule import FEWEST
 from pnpct.training.closed_loop import ClosedLoop
 from pnpct.training.loop_scans import LoopScan, LoopScans
 from pnpct.training.plan import Schedule, TrainingPlan
@@ -134,7 +135,7 @@ def through_loop_losses(scans: Callable[[int], LoopScan], seed: int, D: nn.Modul
     for number in numbers:
         draw, scan = np.random.default_rng([seed, number]), scans(number)
         longer = int(draw.integers(*LONGER, endpoint=True))
-        iterations = longer if draw.random() < LONG else PlugAndPlay.iterations
+        iterations = longer if draw.random() < LONG else FEWEST
         sigma_v = float(np.exp(draw.uniform(*np.log(SIGMAS_V))))
         images = reconstructed_around(D, scan, sigma_v=sigma_v, iterations=iterations)
         alone = denoised_by(D, scan.filtered[number % len(scan.filtered)])
