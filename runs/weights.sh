@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Train networks like those that come with the package: about nine hours on two cores. The shipped ones had
+# Train networks like those that come with the package: about ten hours on two cores. The shipped ones had
 # Adam, a learning rate that fell by a factor after each epoch, and the latest weights; runs/weights/README.md has the rest.
 # Usage: runs/weights.sh FOLDER; it goes on where an interrupted run ended.
 #
@@ -65,10 +65,10 @@ train twelfth eleventh 1 13 "$soft" "${sharp[@]}" --seed 11 --examples 64 --loop
 damped=("${sharp[@]}" --loop-iterations 20 --loop-images 4)
 train thirteenth twelfth 1 13 "$soft" "${damped[@]}" --seed 15 --examples 72 --loop-denoiser twelfth.safetensors
 python "$runs/mean_of_networks.py" two-stage.safetensors twelfth.safetensors thirteenth.safetensors
-python "$runs/mean_of_networks.py" supervised.safetensors twelfth-supervised.safetensors thirteenth-supervised.safetensors
+python "$runs/mean_of_networks.py" dose-pairs.safetensors twelfth-supervised.safetensors thirteenth-supervised.safetensors
 
-# It goes on through the loop itself, on new patients of all sizes, for about an hour, twice, each time to the mean of before
-# and after; the second time with more real edges. What glibc keeps is not cleared again.
+# They go on through the loop itself, on new patients of all sizes, for about an hour, to the mean of before and after; n2n
+# twice, the second time with more real edges. What glibc keeps is not cleared again.
 pnpct simulate dataset loop --cases 28 --stations 2 --rows 1 --noise-hu 15 --seed 31 --scale 0.7 1.25 --tube-voltages-kvp 80 120 \
   --validation 0 --test 0 --body neck.npz wide.npz slab.zip
 pnpct simulate dataset loop-real --cases 0 --stations 10 --rows 1 --noise-hu 15 --seed 32 --scale 0.7 1.25 --tube-voltages-kvp 80 120 \
@@ -83,6 +83,8 @@ through_loop through-loop two-stage --seed 41
 python "$runs/mean_of_networks.py" looped.safetensors two-stage.safetensors through-loop.safetensors
 through_loop through-loop-again looped --seed 42 --also loop-real
 python "$runs/mean_of_networks.py" n2n.safetensors looped.safetensors through-loop-again.safetensors
+through_loop supervised-through-loop dose-pairs --seed 41
+python "$runs/mean_of_networks.py" supervised.safetensors dose-pairs.safetensors supervised-through-loop.safetensors
 
 # RED-CNN, the published baseline, for 35 minutes of one core; its steps take ten times as long.
 pnpct train scans red-cnn.safetensors --size red-cnn --method supervised --cache images --bfloat16 --side 64 --batch 8 \
