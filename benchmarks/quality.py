@@ -9,7 +9,7 @@ in uniform soft tissue, and the share of a lesion of 12 mm and -40 HU that is ke
 same noise); last the mean over the cases. FBP has the kernel, the blur its width and total variation its strength with
 the least RMSE in soft tissue of these very scans: an oracle that the learned methods do not have. Plug-and-play has the
 most that its noise, the difference of the two scans, has over that of total variation in any of eight rings of
-frequency, and with --iterations its RMSE after five, the default and the last of them over that of the best. The folder
+frequency, and with --iterations its RMSE after four, five and the last of them over that of the best. The folder
 gets the exposures of the cases, the images of the first scans as .h5 and .png, and the rows as .json, with the errors
 of every choice; they are not measured again. Take another folder for another network, seed or version, for other
 patients, or for scans that focal spot, cells and rotation blur (--blur).
@@ -33,6 +33,7 @@ from pnpct.files import load_denoiser, record_run, write_image
 from pnpct.operators import Projector
 from pnpct.physics import Exposure, Scan, take_log
 from pnpct.reconstruction import FBP, TVPWLS, ADMMState, DenoisedFBP, Method, PlugAndPlay
+from pnpct.reconstruction.iteration_schedule import FEWEST
 from pnpct.units import to_hu
 from quality_cases import CONTRAST_HU, PATIENTS, QualityCase, cases
 
@@ -90,7 +91,7 @@ class Judge:
 
         method(self.first, self.A, progress=watched)
         least = [min(of_mask) for of_mask in zip(*errors, strict=True)]
-        after = sorted({5, PlugAndPlay(method.denoise).iterations, len(errors)})
+        after = sorted({FEWEST, 5, len(errors)})
         notes = [
             f"after {number} " + " / ".join(f"{e / b:.3f}" for e, b in zip(errors[number - 1], least, strict=True))
             for number in after

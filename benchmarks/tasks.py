@@ -20,7 +20,7 @@ from pnpct.files import load_denoiser
 from pnpct.operators import Projector
 from pnpct.physics import DiagonalWeights, Scan, Sinogram, simulate_counts, take_log
 from pnpct.reconstruction.fourier import fourier_preconditioner
-from pnpct.reconstruction.methods import FIRST, falling
+from pnpct.reconstruction.iteration_schedule import falling
 from pnpct.reconstruction.normal_equations import (
     INNER_ITERATIONS,
     NormalOperator,
@@ -93,8 +93,7 @@ class Task:
         """Return the projector, the image to begin from, and the sigma_v of the iterations, as `PlugAndPlay` has."""
         A = self.projector
         start = starting_state(self.sinogram, A).v
-        balanced = balanced_sigma_v(self.sinogram, A, start)
-        return A, start, falling(balanced.maximum((FIRST * balanced).clamp(max=FIRST * SIGMA_V)), SIGMA_V)
+        return A, start, falling(balanced_sigma_v(self.sinogram, A, start), SIGMA_V)
 
 
 class Watch:

@@ -50,8 +50,8 @@ def test_the_images_are_those_of_plug_and_play(scan: LoopScan) -> None:
     torch.manual_seed(1)
     D = RDNCBAM(RDNSize(features=4, growth=4, blocks=1, convolutions=2))
     nn.init.normal_(D.noise.weight, std=0.02)
-    images = reconstructed_around(D, scan, sigma_v=45.0, iterations=PlugAndPlay.iterations)
-    method = PlugAndPlay(LearnedDenoiser(D), sigma_v=45.0, stop="never")
+    images = reconstructed_around(D, scan, sigma_v=45.0, iterations=4)
+    method = PlugAndPlay(LearnedDenoiser(D), sigma_v=45.0, iterations=4, stop="never")
     torch.testing.assert_close(images, method(scan.sinogram, scan.A).image, rtol=0, atol=1e-4)
 
 
@@ -104,7 +104,7 @@ def test_a_network_that_sharpens_its_own_work_unlearns_it(files: list[Path], dat
     D = Blending(-0.5)
     tried = ClosedLoop(files, (50.0, 50.0))
     before = tried(D)["reconstructed_body"]
-    method = ThroughLoop(epochs=8, pairs_per_epoch=2, batch=1, learning_rate=0.1, lowest_ma=50.0, highest_ma=50.0)
+    method = ThroughLoop(epochs=4, pairs_per_epoch=2, batch=1, learning_rate=0.1, lowest_ma=50.0, highest_ma=50.0)
     plan = method.plan(D, dataset)
     stages = {epoch.stage for epoch in plan.epochs()}
     assert stages == {"through-loop"}
