@@ -14,8 +14,11 @@ from pnpct.operators.lane_kernels import Array
 from pnpct.operators.ray_lines import LEFT, RIGHT, RayLines
 from pnpct.operators.strip_kernels import BLOCK, CHUNK, rows_together
 from pnpct.operators.support import reach_of_blocks, reach_of_rows
-from pnpct.operators.threads import parallel
+from pnpct.operators.threads import at_once, parallel
 from pnpct.operators.tiles import tile
+
+SMALL = 4_000_000
+"""Rows of pixels times strips times lanes below which one thread is faster than several: about a millisecond."""
 
 
 class CpuProjector:
@@ -48,14 +51,15 @@ class CpuProjector:
             for table, lines, reach in zip(self._tables, self._lines, self._reach, strict=True):
                 size, slices = tile(images.shape[0], len(table.turns))
                 image, strips = self._working_arrays(table, size)
+                run = parallel if len(image) * table.strips * size > SMALL else at_once
                 shape, width = (table.rows, table.cols), (0.0,) * size
                 blocks = reach_of_blocks(reach, len(image), rows_together(size))
                 cells = table.measured.shape[0]
                 for at in range(0, images.shape[0], slices):
-                    parallel(lanes.pack_image, image.shape[0], source, table.turns, at, LEFT, image, multiple=BLOCK)
+                    run(lanes.pack_image, image.shape[0], source, table.turns, at, LEFT, image, multiple=BLOCK)
                     arguments = (image, lines, strips, *shape, blocks, width)
-                    parallel(kernels.project, table.strips, *arguments, multiple=CHUNK)
-                    parallel(lanes.unpack_rays, cells, strips, table.measured, table.parts, at, rays)
+                    run(kernels.project, table.strips, *arguments, multiple=CHUNK)
+                    run(lanes.unpack_rays, cells, strips, table.measured, table.parts, at, rays)
         return torch.from_numpy(rays)
 
     def back_project(self, rays: Tensor, *, squared: bool = False) -> Tensor:
@@ -68,14 +72,15 @@ class CpuProjector:
             for number, (table, lines, reach) in enumerate(tables):
                 size, slices = tile(rays.shape[0], len(table.turns))
                 image, strips = self._working_arrays(table, size)
+                run = parallel if len(image) * table.strips * size > SMALL else at_once
                 shape, width = (table.rows, table.cols), (0.0,) * size
                 blocks = reach_of_blocks(reach, len(image), rows_together(size))
                 cells, rows = table.measured.shape[0], self._image_shape[0]
                 for at in range(0, rays.shape[0], slices):
-                    parallel(lanes.pack_rays, cells, source, table.measured, table.parts, at, strips)
+                    run(lanes.pack_rays, cells, source, table.measured, table.parts, at, strips)
                     arguments = (image, lines, strips, *shape, blocks, power, width)
-                    parallel(kernels.back_project, len(image), *arguments, multiple=rows_together(size))
-                    parallel(
+                    run(kernels.back_project, len(image), *arguments, multiple=rows_together(size))
+                    run(
                         lanes.unpack_image,
                         rows,
                         image,
