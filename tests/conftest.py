@@ -1,6 +1,7 @@
 """One small world for all tests."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,7 +58,15 @@ def disk(grid: ImageGrid) -> "torch.Tensor":
 
 
 @pytest.fixture(scope="session")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def few_validation_examples() -> Iterator[None]:
+    """Three, not eight: most of the time of a small training is that of its validation."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pnpct.training.validation.VALIDATION_EXAMPLES", 3)
+        yield
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory: pytest.TempPathFactory, few_validation_examples: None) -> Path:
     """A data set of three heads, one slice of each."""
     from pnpct.simulation import Recipe, simulate_dataset
 

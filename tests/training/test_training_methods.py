@@ -13,8 +13,7 @@ from pnpct.files import save_network, sha256_of
 from pnpct.files.checkpoint import ABOUT
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.physics import Scan
-from pnpct.training import METHODS, Epoch, SingleScan, Supervised, TwoStage, validate
-from pnpct.training.validation import VALIDATION_EXAMPLES
+from pnpct.training import METHODS, Epoch, SingleScan, Supervised, TwoStage, validate, validation
 
 TINY = RDNSize(features=4, growth=4, blocks=1, convolutions=2)
 SHORT = {"epochs": 1, "pairs_per_epoch": 2, "batch": 2}
@@ -59,7 +58,7 @@ def test_without_noise_each_image_has_a_reference_of_its_own_kind(dataset: Path)
 
 def test_validation_is_the_rms_difference_of_the_pair_in_the_middle(dataset: Path) -> None:
     examples = Supervised(loop_iterations=2, loop_images=2).examples_from(dataset, "train")
-    drawn = [examples(number) for number in range(VALIDATION_EXAMPLES)]
+    drawn = [examples(number) for number in range(validation.VALIDATION_EXAMPLES)]
     pairs = {
         "fbp": [example.low[0] - example.references[0] for example in drawn],
         "loop": [image for example in drawn for image in example.others - example.references[1:]],
