@@ -21,7 +21,7 @@ def enough_iterations(ratio: Tensor) -> Tensor:
     leave an edge. In a chest at 100 mA β is below 1, in a large abdomen at 20 mA it is 18.
 
     Args:
-        ratio: √β: the σ_v that is in balance with the data over the one that iterations end with.
+        ratio: √β: the σ_v that is in balance with the data over the one that was asked for.
     """
     return (2.5 * ratio - 1.0).floor().clamp(FEWEST, MOST).long()
 
