@@ -13,9 +13,10 @@ from pnpct.denoisers import RDNCBAM, LearnedDenoiser, RDNSize
 from pnpct.files import read_exposure, read_manifest
 from pnpct.geometry import FanBeam, ImageGrid
 from pnpct.operators import Projector
-from pnpct.physics import Scan, simulate_counts, take_log
+from pnpct.physics import DiagonalWeights, Scan, simulate_counts, take_log
 from pnpct.reconstruction import PlugAndPlay, fbp, normal_equations, starting_state
-from pnpct.training import ClosedLoop, ThroughLoop
+from pnpct.reconstruction.iteration_schedule import MOST
+from pnpct.training import ClosedLoop, ThroughLoop, through_loop
 from pnpct.training.loop_scans import CONTRASTS_HU, LoopScan, LoopScans, changed, drawn_discs
 from pnpct.training.through_loop import THROUGH, denoised_by, reconstructed_around, relative_loss, through_loop_losses
 
@@ -90,6 +91,30 @@ def test_the_network_alone_counts_too(scan: LoopScan) -> None:
 
     exact = scan.truth.expand_as(scan.filtered)
     assert loss(exact) < loss(scan.filtered) - 0.1
+
+
+def test_loops_are_as_long_as_the_noisier_scan_needs_or_longer(scan: LoopScan, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lengths(scan: LoopScan) -> tuple[np.ndarray, np.ndarray]:
+        enough, taken = [], []
+
+        def watched(D: nn.Module, scan: LoopScan, *, sigma_v: float, iterations: int) -> torch.Tensor:
+            images = PlugAndPlay(lambda image: image, sigma_v=sigma_v, stop="never")(scan.sinogram, scan.A)
+            enough.append(images.iterations)
+            taken.append(iterations)
+            return scan.filtered
+
+        monkeypatch.setattr(through_loop, "reconstructed_around", watched)
+        through_loop_losses(lambda _: scan, 3, Blending(0.3), range(12))
+        return np.array(enough), np.array(taken)
+
+    weights = DiagonalWeights(scan.sinogram.weights.diagonal / 16, scan.A.geometry.shape)
+    noisier = replace(scan, sinogram=replace(scan.sinogram, weights=weights))
+    of_scan, of_noisier = lengths(scan), lengths(noisier)
+    for enough, taken in (of_scan, of_noisier):
+        assert (taken >= enough).all()
+        assert taken.max() <= MOST
+        assert 0 < (taken > enough).mean() < 0.5
+    assert of_noisier[0].mean() > of_scan[0].mean() + 1
 
 
 def test_an_error_counts_relative_to_itself_in_each_tissue(disk: torch.Tensor, generator: torch.Generator) -> None:

@@ -28,7 +28,8 @@ from pnpct.evaluation import body_mask, soft_tissue_mask
 from pnpct.files import MANIFEST, exposure_pixel, read_manifest, sha256_of
 from pnpct.reconstruction import PlugAndPlay
 from pnpct.reconstruction.around_network import MIRRORS_IN_IMAGE, mirrored
-from pnpct.reconstruction.iteration_schedule import FEWEST
+from pnpct.reconstruction.iteration_schedule import MOST, enough_iterations
+from pnpct.reconstruction.normal_equations import balanced_sigma_v
 from pnpct.training.closed_loop import ClosedLoop
 from pnpct.training.loop_scans import LoopScan, LoopScans
 from pnpct.training.plan import Schedule, TrainingPlan
@@ -37,9 +38,8 @@ from pnpct.training.two_stage import train
 SIGMAS_V = (50.0, 72.0)
 """Lowest and highest σ_v of a loop, HU, drawn evenly in its logarithm."""
 
-LONG, LONGER = 0.25, (5, 8)
-"""Share of the loops that are longer than usual, and the fewest and most iterations of those: a network must not need
-the end."""
+LONG = 0.25
+"""Share of the loops that are longer than the noise needs, up to `MOST` iterations: a network must not need the end."""
 
 THROUGH = 3
 """Of the last so many iterations the gradient is known."""
@@ -134,9 +134,10 @@ def through_loop_losses(scans: Callable[[int], LoopScan], seed: int, D: nn.Modul
     losses = []
     for number in numbers:
         draw, scan = np.random.default_rng([seed, number]), scans(number)
-        longer = int(draw.integers(*LONGER, endpoint=True))
-        iterations = longer if draw.random() < LONG else FEWEST
         sigma_v = float(np.exp(draw.uniform(*np.log(SIGMAS_V))))
+        # As many as the noisier scan needs: the other one's loop is longer than it need be.
+        enough = int(enough_iterations(balanced_sigma_v(scan.sinogram, scan.A, scan.start.v) / sigma_v).max())
+        iterations = int(draw.integers(enough, MOST, endpoint=True)) if draw.random() < LONG else enough
         images = reconstructed_around(D, scan, sigma_v=sigma_v, iterations=iterations)
         alone = denoised_by(D, scan.filtered[number % len(scan.filtered)])
         in_loop = torch.stack([relative_loss(image, scan.truth) for image in images]).mean()
