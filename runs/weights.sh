@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Train networks like those that come with the package: about ten hours on two cores. The shipped ones had
+# Train networks like those that come with the package: about twelve hours on two cores. The shipped ones had
 # Adam, a learning rate that fell by a factor after each epoch, and the latest weights; runs/weights/README.md has the rest.
 # Usage: runs/weights.sh FOLDER; it goes on where an interrupted run ended.
 #
@@ -68,22 +68,25 @@ python "$runs/mean_of_networks.py" two-stage.safetensors twelfth.safetensors thi
 python "$runs/mean_of_networks.py" dose-pairs.safetensors twelfth-supervised.safetensors thirteenth-supervised.safetensors
 
 # They go on through the loop itself, on new patients of all sizes, for about an hour, to the mean of before and after; n2n
-# twice, the second time with more real edges. What glibc keeps is not cleared again.
+# twice, the second time with more real edges, and then once more as it comes out. What glibc keeps is not cleared again.
 pnpct simulate dataset loop --cases 28 --stations 2 --rows 1 --noise-hu 15 --seed 31 --scale 0.7 1.25 --tube-voltages-kvp 80 120 \
   --validation 0 --test 0 --body neck.npz wide.npz slab.zip
 pnpct simulate dataset loop-real --cases 0 --stations 10 --rows 1 --noise-hu 15 --seed 32 --scale 0.7 1.25 --tube-voltages-kvp 80 120 \
   --validation 0 --test 0 --body neck.npz wide.npz
-# What is trained, what it begins with, and options.
+# What is trained, what it begins with, for how many epochs, and options.
 through_loop() {
   NUMBA_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=8589934592 MALLOC_TRIM_THRESHOLD_=17179869184 torchrun --nproc-per-node 2 \
-    "$(command -v pnpct)" train loop "$1.safetensors" --method through-loop --begin-with "$2.safetensors" --epochs 10 \
-    --pairs-per-epoch 20 --batch 2 --examples 120 --learning-rate 2e-4 --licence Apache-2.0 "${@:3}" >> "$1.log"
+    "$(command -v pnpct)" train loop "$1.safetensors" --method through-loop --begin-with "$2.safetensors" --epochs "$3" \
+    --pairs-per-epoch 20 --batch 2 --examples 120 --learning-rate 2e-4 --licence Apache-2.0 "${@:4}" >> "$1.log"
 }
-through_loop through-loop two-stage --seed 41
+through_loop through-loop two-stage 10 --seed 41
 python "$runs/mean_of_networks.py" looped.safetensors two-stage.safetensors through-loop.safetensors
-through_loop through-loop-again looped --seed 42 --also loop-real
-python "$runs/mean_of_networks.py" n2n.safetensors looped.safetensors through-loop-again.safetensors
-through_loop supervised-through-loop dose-pairs --seed 41
+through_loop through-loop-again looped 10 --seed 42 --also loop-real
+python "$runs/mean_of_networks.py" looped-twice.safetensors looped.safetensors through-loop-again.safetensors
+through_loop through-loop-long looped-twice 8 --seed 43 --also loop-real
+cp through-loop-long.safetensors n2n.safetensors
+cp through-loop-long.safetensors.json n2n.safetensors.json
+through_loop supervised-through-loop dose-pairs 10 --seed 41
 python "$runs/mean_of_networks.py" supervised.safetensors dose-pairs.safetensors supervised-through-loop.safetensors
 
 # RED-CNN, the published baseline, for 35 minutes of one core; its steps take ten times as long.
